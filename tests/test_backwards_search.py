@@ -170,7 +170,7 @@ def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alon
 def test_a_joint_that_rests_all_the_time_has_no_error(demo, monkeypatch):
     """Its standstill is judged apart, and nothing else of it is left."""
     context = search_of(read_set(DEMO)).context
-    context.apart[0] = Phase.MOTION
+    context.first_phase[0] = Phase.MOTION
     for name in ("_phases", "judged_phases"):
         monkeypatch.setitem(
             context.__dict__, name, np.minimum(getattr(context, name), [Phase.REST, Phase.MOTION])

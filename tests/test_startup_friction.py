@@ -100,10 +100,10 @@ def test_the_first_movement_counts_where_start_up_friction_describes_it(
     search = search_on(with_brakes(moves if hidden else without, 0))
     context, layout = search.context, Layout(moves.joints, (COULOMB, TILT))
     fit = search.fit(layout, context.start(layout).x)
-    assert context.set_standstill_apart(fit) and context.apart[0] == Phase.MOTION
+    assert context.set_standstill_apart(fit) and context.first_phase[0] == Phase.MOTION
     found, needed = search.with_first_movements(search.fit(layout, fit.x), {})
     assert (STARTUP in needed) == hidden
     if hidden:
-        assert context.apart[0] == Phase.START
+        assert context.first_phase[0] == Phase.START
         # the filter carries some of the brake's torque beyond the standstill
         assert found.x[found.layout.effect_slice(STARTUP)] == pytest.approx([3.0, 0.02], rel=0.25)

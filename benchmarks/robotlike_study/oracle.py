@@ -10,14 +10,14 @@ together with everything else.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.diagnosis_study.making import case_folder
+from benchmarks.diagnosis_study.making import case_folder, truth_file
 from benchmarks.diagnosis_study.oracle import chosen, errors, with_hidden
 from benchmarks.robotlike_study.judging import UNKNOWN
 from benchmarks.robotlike_study.running import made_cases
@@ -66,21 +66,22 @@ class Compared:
 def compare_all(work: Path, only: str) -> Iterator[Compared]:
     """Each set in turn."""
     for name in made_cases(work, only):
-        truth = json.loads((work / "truth" / f"{name}.json").read_text())
+        truth = json.loads(truth_file(work, name).read_text(encoding="utf-8"))
         measurements = read_set(case_folder(work, name))
-        result = diagnose(measurements, apply=True)
+        result, plain = diagnose(measurements, apply=True), identify(measurements).model
         laws = sum(e["effect"] == UNKNOWN for e in truth["effects"])
         both = None
         if not why_no_curve(result):
             more = with_free_curve(measurements, result)
             curve = [e for e in more.model.effects if free_curve(e.effect)] if more.model else []
-            both = _norm(measurements, more.model), _least(measurements, truth, curve)
+            both = _norm(measurements, more.model), _least(measurements, plain, truth, curve)
         found = _norm(measurements, result.model)
-        yield Compared(name, found, _least(measurements, truth), both, laws)
+        yield Compared(name, found, _least(measurements, plain, truth, []), both, laws)
 
 
-def _least(measurements: MeasurementSet, truth: Json, more: Sequence[EffectValue] = ()) -> float:
-    return min(_norm(measurements, model) for model in _given(measurements, truth, more))
+def _least(measurements: MeasurementSet, plain: FlexibleModel, truth: Json, more: list[EffectValue]) -> float:
+    """The smaller error of both fits with the hidden effects, and with more that start from given values."""
+    return min(_norm(measurements, model) for model in _given(measurements, plain, truth, more))
 
 
 def _norm(measurements: MeasurementSet, model: FlexibleModel | None) -> float:
@@ -88,21 +89,18 @@ def _norm(measurements: MeasurementSet, model: FlexibleModel | None) -> float:
     return float(np.linalg.norm(np.array(errors(measurements, model)) / measurements.torque_spread))
 
 
-def _given(measurements: MeasurementSet, truth: Json, more: Sequence[EffectValue]) -> Iterator[FlexibleModel]:
-    """Fits of the model with the hidden effects, and with more that start from given values."""
+def _given(
+    measurements: MeasurementSet, plain: FlexibleModel, truth: Json, more: list[EffectValue]
+) -> Iterator[FlexibleModel]:
     joints = measurements.joints
-    hidden = tuple(
-        EffectValue(e["effect"], e["joint"], e["parameters"], e.get("group"), e.get("payload"))
-        for e in truth["effects"]
-        if e["effect"] != UNKNOWN
-    )
+    known = [e for e in truth["effects"] if e["effect"] != UNKNOWN]
+    hidden = [*(EffectValue(e["effect"], e["joint"], e["parameters"]) for e in known), *more]
     start = replace(
-        identify(measurements).model,
+        plain,
         stiffness=np.array(truth["stiffness"]),
         motor_inertia=np.array(truth["motor_inertia"]),
+        effects=(*plain.effects, *hidden),
     )
-    hidden = (*hidden, *more)
-    start = replace(start, effects=(*start.effects, *hidden))
     base = Layout(joints, choose_effects(measurements.effects, joints))
     layout = with_hidden(base, [chosen(e, joints) for e in hidden])
     x = layout.vector(start)

@@ -42,21 +42,22 @@ class AfterRest(WhatIsLeft):
 
         Where these, or those found before, describe it, it counts from then on.
         """
-        context, before = self.context, self.context.apart
+        context, before = self.context, self.context.first_phase
         if not np.any(before == Phase.MOTION):
             return fit, needed
         self.say("fitting the first movement after standstill")
         try:
-            context.apart = np.minimum(before, np.int8(Phase.START))
+            context.first_phase = np.minimum(before, np.int8(Phase.START))
             larger, useful = self.with_useful_starts(self.fit(fit.layout, fit.x))
         finally:  # a search that is stopped here, too, shows the model that it had
-            context.apart = before
-        in_motion = self.fit(larger.layout, larger.x, iterations=0).held_out_rms()
-        harmless = in_motion < LIMITS.start_harm * fit.held_out_rms()
-        useful = [s for s in useful if harmless[s.effect.place.own_joint]]
-        found = self.with_candidates(fit, useful)
-        context.apart = with_described_starts(found)
-        if np.all(context.apart == before):
+            context.first_phase = before
+        found = fit
+        if useful:
+            in_motion = self.fit(larger.layout, larger.x, iterations=0).held_out_rms()
+            harmless = in_motion < LIMITS.start_harm * fit.held_out_rms()
+            found = self.with_candidates(fit, [s for s in useful if harmless[s.effect.place.own_joint]])
+        context.first_phase = with_described_starts(found)
+        if np.all(context.first_phase == before):
             return fit, needed
         found = self.fit(found.layout, found.x)
         return found, necessities(found)
@@ -64,6 +65,8 @@ class AfterRest(WhatIsLeft):
     def with_useful_starts(self, fit: MotionFit) -> tuple[MotionFit, list[ScoredCandidate]]:
         """The model with the best effect after a standstill on each joint, and which of them are of use."""
         chosen = self.best_of_each_joint(fit, self.scored(fit, self.after_rest(fit)))
+        if not chosen:
+            return fit, []
         larger = self.with_candidates(fit, chosen)
         needs = necessities(larger)
         return larger, [s for s in chosen if self.clearly_better(fit, larger, s.effect, needs[s.effect])]
@@ -86,11 +89,6 @@ class AfterRest(WhatIsLeft):
         loud = self.context.louder_before_motion(fit)
         return [e for e in every if EFFECTS[e.effect].after_rest and e.joint is not None and loud[e.joint]]
 
-    def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
-        """Joints whose held-out residual is clearly larger than before."""
-        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
-        return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
-
 
 def with_described_starts(fit: MotionFit) -> Phases:
     """The first phases that count, shape (n,), with first movements that a model's effects describe.
@@ -99,17 +97,17 @@ def with_described_starts(fit: MotionFit) -> Phases:
     """
     context, layout = fit.context, fit.layout
     equation = context.held_out_equation(layout) or context.equation(layout)
-    start, apart = context.judged_phases == Phase.START, context.apart.copy()
+    start, first = context.judged_phases == Phase.START, context.first_phase.copy()
 
     def misfit(x: Array, joint: int) -> float:
         residual = equation.at(x).residual(x)[:, joint]
         return float(np.sum(residual[start[:, joint]] ** 2))
 
     for effect, where in layout.effect_slices():
-        if not EFFECTS[effect.effect].after_rest or apart[effect.place.own_joint] != Phase.MOTION:
+        if not EFFECTS[effect.effect].after_rest or first[effect.place.own_joint] != Phase.MOTION:
             continue
         joint, without = effect.place.own_joint, fit.x.copy()
         without[sizes(effect, where)] = 0.0
         if misfit(fit.x, joint) < misfit(without, joint):
-            apart[joint] = Phase.START
-    return apart
+            first[joint] = Phase.START
+    return first

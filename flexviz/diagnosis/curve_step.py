@@ -75,7 +75,7 @@ def with_free_curve(
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
-            context.apart = with_described_starts(before)
+            context.first_phase = with_described_starts(before)
         tell(stages.FREE_CURVE)
         fits: list[MotionFit] = []
         for name in curve.effects:
@@ -94,7 +94,7 @@ def _extended(
     """The diagnosis with the model of `after` as its last step."""
     layout, context = after.layout, after.context
     band = PredictionErrorBand(measurements)
-    errors = [band.errors(fit, context.apart) for fit in (before, after)]
+    errors = [band.errors(fit, context.first_phase) for fit in (before, after)]
     added, where = layout.effect_slices()[-1]
     std = after.covariance.standard_errors
     specs = EFFECTS[added.effect].parameters

@@ -185,8 +185,8 @@ class ManyEffects:
         which = "held-out" if final.held_out else "fitted"
         values = ", ".join(f"{j} {100 * max(v, 0.0):.3g} %" for j, v in zip(joints, share, strict=True))
         out = [Note("explained", f"share of the {which} torque that the model explains: {values}")]
-        if self.context.apart.any():
-            out.append(Note("standstill", standstill_text(joints, self.context.apart)))
+        if self.context.first_phase.any():
+            out.append(Note("standstill", standstill_text(joints, self.context.first_phase)))
         ratio = final.rms / self.context.noise_floor
         complete = last == "nothing-missing" and not curves
         if complete and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
@@ -207,10 +207,10 @@ class ManyEffects:
         return out
 
 
-def standstill_text(joints: Sequence[str], apart: Phases) -> str:
-    """Which samples do not count; `apart`, shape (n,): the first phase of each joint that does."""
-    names = listed([j for j, first in zip(joints, apart, strict=True) if first])
-    starts = [j for j, first in zip(joints, apart, strict=True) if first == Phase.MOTION]
+def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:
+    """Which samples do not count; `first_phase`, shape (n,): the first phase of each joint that does."""
+    names = listed([j for j, first in zip(joints, first_phase, strict=True) if first])
+    starts = [j for j, first in zip(joints, first_phase, strict=True) if first == Phase.MOTION]
     also = f", of {listed(starts)} also the first {LIMITS.start_angle:g} rad after it" if starts else ""
     return (
         f"samples at standstill of {names} are excluded{also}, here and from the errors: static friction can "

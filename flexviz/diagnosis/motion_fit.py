@@ -182,7 +182,7 @@ class MotionContext:
     Attributes:
         measurements: the set.
         signals: of the fit groups.
-        apart: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
+        first_phase: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
         stand_ins: free curves only stand for what has no law (`firm_start`).
     """
 
@@ -193,7 +193,7 @@ class MotionContext:
         held = measurements.validation_groups
         self.signals = self._signals(measurements.fit_groups)
         self._held = self._signals(held) if held else None
-        self.apart: Phases = np.full(len(joints), Phase.REST, np.int8)
+        self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
         self._shared, self._held_shared = dict[object, Any](), dict[object, Any]()
         bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
         self._start = start_values(measurements, bare)
@@ -225,12 +225,12 @@ class MotionContext:
     @property
     def used(self) -> NDArray[np.bool_]:
         """Samples of the fit groups that count, shape (N, n)."""
-        return self._phases >= self.apart
+        return self._phases >= self.first_phase
 
     @property
     def judged_used(self) -> NDArray[np.bool_]:
         """Samples of `judged_signals` that count, shape (N, n)."""
-        return self.judged_phases >= self.apart
+        return self.judged_phases >= self.first_phase
 
     def equation(self, layout: Layout) -> Equation:
         """Equation of the fit groups."""
@@ -247,17 +247,17 @@ class MotionContext:
         Returns whether there are more than before. At rest friction takes any value up to its limit, brakes
         hold, and controllers drift: no law of the motion describes the torque there.
         """
-        before = self.apart
-        self.apart = np.where(self.louder_before_motion(fit), np.int8(Phase.MOTION), before)
-        return bool(np.any(self.apart > before))
+        before = self.first_phase
+        self.first_phase = np.where(self.louder_before_motion(fit), np.int8(Phase.MOTION), before)
+        return bool(np.any(self.first_phase > before))
 
     def louder_before_motion(self, fit: MotionFit) -> NDArray[np.bool_]:
         """Joints where a fit errs much more at rest and just after it than in motion, shape (n,).
 
-        At rest only where it counts.
+        Only samples that count.
         """
         moving = self._phases == Phase.MOTION
-        return louder(fit.residual, ~moving & (self._phases >= self.apart), moving, self.noise_floor)
+        return louder(fit.residual, ~moving & (self._phases >= self.first_phase), moving, self.noise_floor)
 
     @property
     def judged_signals(self) -> Signals:

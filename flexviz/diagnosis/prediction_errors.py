@@ -74,9 +74,9 @@ class PredictionErrorBand:
         """Whether a joint rests, starts or moves, shape (N, n)."""
         return phases(self.signals)
 
-    def errors(self, fit: Fitted, apart: Phases | None = None) -> PredictionErrors:
-        """Residuals of a model; `apart`, shape (n,): the first phase of each joint that counts."""
-        point, residual, used = self._residual(fit, apart)
+    def errors(self, fit: Fitted, first_phase: Phases | None = None) -> PredictionErrors:
+        """Residuals of a model; `first_phase`, shape (n,): the first phase of each joint that counts."""
+        point, residual, used = self._residual(fit, first_phase)
         held_out = {g.name: g.validation for g in self.signals.groups}
         groups = tuple(
             (name, _rms(residual[rows], used[rows]), held_out[name])
@@ -86,17 +86,23 @@ class PredictionErrorBand:
         floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
         return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
 
-    def stated_rms(self, fit: Fitted, apart: Phases | None = None) -> tuple[float, ...]:
+    def stated_rms(self, fit: Fitted, first_phase: Phases | None = None) -> tuple[float, ...]:
         """The stated one of `errors`, per joint [Nm], without the noise floor, which costs most."""
-        _, residual, used = self._residual(fit, apart)
+        _, residual, used = self._residual(fit, first_phase)
         fitted, held_out = self._rms(residual, used)
         return held_out or fitted
 
-    def _residual(self, fit: Fitted, apart: Phases | None) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
+    def _residual(
+        self, fit: Fitted, first_phase: Phases | None
+    ) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
         """A model, its residual, and which of it counts."""
         point = Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
         residual = point.residual(fit.x)
-        return point, residual, np.ones(residual.shape, bool) if apart is None else self.phases >= apart
+        return (
+            point,
+            residual,
+            np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase,
+        )
 
     def _rms(
         self, residual: Array, used: NDArray[np.bool_]

@@ -57,7 +57,7 @@ class Stair:
         """The stair of a fit, without its large arrays and free curves."""
         model = without_curves(fit, curves)
         std = model.covariance(fit).standard_errors
-        errors = band.errors(model, fit.context.apart)
+        errors = band.errors(model, fit.context.first_phase)
         return Stair(added, model.layout, model.x, fit.objective, std, errors)
 
 

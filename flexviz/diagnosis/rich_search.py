@@ -147,7 +147,7 @@ class RichSearch(AfterRest):
     def keep(self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]) -> None:
         """Keep the model so far, for a search that is stopped."""
         self.best = RichModel(fit, needed, self.curves)
-        self.standing.fitted(self.best.model, self.context.apart)
+        self.standing.fitted(self.best.model, self.context.first_phase)
 
     def with_all_found(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]

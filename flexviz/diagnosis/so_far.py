@@ -54,16 +54,16 @@ class Standing:
         if self._tell is not None:
             self._tell(BestSoFar(self._names([effect]), "scores best of all candidates, not fitted yet"))
 
-    def fitted(self, fit: Fitted, apart: Phases | None = None) -> None:
-        """A larger model is fitted; `apart`, shape (n,): the first phase of each joint that counts."""
+    def fitted(self, fit: Fitted, first_phase: Phases | None = None) -> None:
+        """A larger model is fitted; `first_phase`, shape (n,): the first phase of each joint that counts."""
         added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
         if self._tell is None or self._own_fit is None or not added:
             return
-        rms = self.band.stated_rms(fit, apart)
+        rms = self.band.stated_rms(fit, first_phase)
         share = mean_nrms(rms, self.spread)
         if share < self._best:
             self._best = share
-            before = mean_nrms(self._own_rms(apart), self.spread)
+            before = mean_nrms(self._own_rms(first_phase), self.spread)
             error = f"{self.band.stated} error {percent(before)} → {percent(share)} of the torque"
             self._tell(BestSoFar(self._names(added), error))
 
@@ -72,10 +72,10 @@ class Standing:
         more = len(names) - NAMED
         return listed([*names[:NAMED], f"{more} more"] if more > 1 else names)
 
-    def _own_rms(self, apart: Phases | None) -> Sequence[float]:
+    def _own_rms(self, first_phase: Phases | None) -> Sequence[float]:
         """Error of the set's own model per joint [Nm]."""
         assert self._own_fit is not None
-        key = b"" if apart is None else apart.tobytes()
+        key = b"" if first_phase is None else first_phase.tobytes()
         if key not in self._own_errors:
-            self._own_errors[key] = self.band.stated_rms(self._own_fit, apart)
+            self._own_errors[key] = self.band.stated_rms(self._own_fit, first_phase)
         return self._own_errors[key]

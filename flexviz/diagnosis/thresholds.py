@@ -146,9 +146,8 @@ class MotionThresholds:
     start_angle: float = 0.01  # [rad] after rest that counts as standstill
     # largest held-out residual of a joint with start-up friction, relative to that without it ...
     start_gain: float = 0.85
-    start_harm: float = (
-        1.05  # ... and that in motion, relative to a fit without the first movement after rest
-    )
+    # ... and that in motion, relative to a fit without the first movement after rest
+    start_harm: float = 1.05
     split_spread: float = 0.2  # prior standard deviation of the link's viscous friction, relative ...
     split_torque: float = 0.003  # ... plus this share of the rms torque at the rms velocity
     massless: float = 1e-3  # share of the heaviest body's mass below which a CAD body is a dummy ...

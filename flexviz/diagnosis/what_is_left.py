@@ -113,3 +113,8 @@ class WhatIsLeft(ModelFamily):
             return larger
         others = [s for s in chosen if s not in doubtful]
         return self.with_candidates(fit, others) if others else fit
+
+    def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
+        """Joints whose held-out residual is clearly larger than before."""
+        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
+        return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
