@@ -70,7 +70,7 @@ docs: install
 # needs uv; versions and hashes only, no addresses
 lock:
 	uv pip compile pyproject.toml --group dev --extra batch --universal --python-version 3.11 --fork-strategy fewest \
-	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet \
+	  --generate-hashes --no-strip-extras --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet \
 	  --output-file requirements.lock
 
 clean:

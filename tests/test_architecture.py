@@ -6,11 +6,15 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "flexviz"
@@ -200,6 +204,26 @@ def test_lock_file_has_hashes_and_no_addresses() -> None:
     requirements = [block for block in text.replace("\\\n", " ").splitlines() if block and block[0].isalnum()]
     assert len(requirements) > 50
     assert all("==" in block and "--hash=sha256:" in block for block in requirements)
+
+
+def test_lock_file_pins_the_extras_that_packages_ask_for() -> None:
+    """Where only `name` is pinned, pip takes the newest `name[extra]`, and refuses it for want of a hash."""
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    lines = [line.rstrip("\\ ") for line in text.splitlines() if line and line[0].isalnum()]
+    locked = {canonicalize_name(requirement.name): requirement for requirement in map(Requirement, lines)}
+    asked = []
+    for name, pin in locked.items():
+        with suppress(metadata.PackageNotFoundError):  # of another platform
+            wanted = map(Requirement, metadata.requires(name) or ())
+            asked += [r for r in wanted if r.extras and applies(r, pin.extras)]
+    assert len(asked) > 1
+    assert not [str(r) for r in asked if not r.extras <= locked[canonicalize_name(r.name)].extras]
+
+
+def applies(requirement: Requirement, extras: set[str]) -> bool:
+    """Whether a package that is installed with these extras needs it here."""
+    marker = requirement.marker
+    return marker is None or any(marker.evaluate({"extra": extra}) for extra in ("", *extras))
 
 
 def test_files_and_functions_are_short() -> None:
