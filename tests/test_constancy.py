@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.acceptance import exhausted, held_to_be_zero, verdict
+from flexviz.diagnosis.acceptance import Gained, exhausted, held_to_be_zero, verdict
 from flexviz.diagnosis.conclusion import Conclusion
 from flexviz.diagnosis.constancy import ChangingSize, changing_size
 from flexviz.diagnosis.fit_context import FitContext
@@ -196,8 +196,10 @@ def test_nothing_more_is_scored_where_nothing_can_be_gained(demo: MeasurementSet
     context = FitContext(demo, layout)
     fit = context.fit(layout, context.start(layout).x, iterations=2)
     above = fit.point.objective + (fit.held_out.objective if fit.held_out else 0.0)
-    assert above > 1000 and not exhausted(fit, gained=0.0)
-    assert exhausted(fit, gained=1.01 * above / 0.003) and not exhausted(fit, gained=0.99 * above / 0.003)
+    assert above > 1000 and not exhausted(fit, Gained(0.0, np.zeros(2)))
+    limit = above / 0.003
+    assert exhausted(fit, Gained(5 * limit, np.array([1.01, 3.0]) * limit))
+    assert not exhausted(fit, Gained(5 * limit, np.array([0.99, 3.0]) * limit))  # on joint 1 it can
 
 
 def test_the_start_is_given_or_found(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.acceptance import credible, excess, needed_gain, verdict
+from flexviz.diagnosis.acceptance import Gained, credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect, without_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep
 from flexviz.diagnosis.confidence import features, probability
@@ -171,8 +171,12 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     delay = ChosenEffect("torque_delay")
     assert credible(with_value(delay, 5e-4), delay, 1e-3)
     assert not credible(with_value(delay, 1e-5), delay, 1e-3)  # a hundredth of the record's step
-    assert needed_gain(effect, 0.0) < needed_gain(effect, 1e5)
-    assert needed_gain(ChosenEffect("external_contact", 0, "g1"), 1e5) > needed_gain(effect, 1e5)
+    before, elsewhere = Gained(1e5, np.array([1e5, 0.0])), Gained(1e5, np.array([0.0, 1e5]))
+    assert needed_gain(effect, elsewhere) < needed_gain(effect, before)
+    contact = ChosenEffect("external_contact", 0, "g1")
+    assert needed_gain(contact, before) == needed_gain(contact, elsewhere) > needed_gain(effect, before)
+    tilt = ChosenEffect("base_tilt")
+    assert needed_gain(tilt, elsewhere) == needed_gain(effect, before)
     assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
 
 
@@ -207,14 +211,14 @@ def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
     with_more, start = added.layout, added.x
     led_out = fit_context.fit(with_more, start, iterations=2)
     scored = ScoredCandidate(ChosenEffect("stiffness_hardening", 0), 1.0, np.zeros(1), np.zeros(1))
-    again = search.restarted(stuck, RefittedCandidate(scored, led_out), 0.0)
+    again = search.restarted(stuck, RefittedCandidate(scored, led_out), Gained(0.0, np.zeros(2)))
     assert again is not None and again.layout == layout
     assert again.objective < right.objective + THRESHOLDS.acceptance.least_gain
     # Coulomb friction itself is needed
     plain = Layout(demo.joints)
     without = fit_context.fit(plain, x[: plain.size], iterations=0)
     scored = ScoredCandidate(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
-    assert search.restarted(without, RefittedCandidate(scored, right), 0.0) is None
+    assert search.restarted(without, RefittedCandidate(scored, right), Gained(0.0, np.zeros(2))) is None
 
 
 def test_rivals_are_compared_where_the_leader_scores_nothing_and_by_their_best_stretch(

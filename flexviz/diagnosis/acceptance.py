@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,20 +89,51 @@ def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> Effec
     return EffectEvidence(fit.torque[:, joint], raw_step, names, viscous, top_speed)
 
 
-def needed_gain(effect: ChosenEffect, gained: float) -> float:
+@dataclass(frozen=True)
+class Gained:
+    """Gain of a model's effects over the same parameters without them.
+
+    Attributes:
+        total: decrease of the objective.
+        by_joint: shape (n,), the part of each joint's residual: that is where approximate models of
+            effects leave traces.
+    """
+
+    total: float
+    by_joint: NDArray[np.float64]
+
+    @classmethod
+    def by_effects(cls, fit: Fit, reference: Fit) -> Gained:
+        """Of a fit; `reference`: its parameters without effects."""
+        joints = _by_joint(reference) - _by_joint(fit)
+        return cls(reference.objective - fit.objective, np.maximum(joints, 0.0))
+
+    def at(self, effect: ChosenEffect) -> float:
+        """Where an effect acts."""
+        return self.total if effect.joint is None else float(self.by_joint[effect.joint])
+
+
+def _by_joint(fit: Fit) -> NDArray[np.float64]:
+    """Noise objective of each joint over all groups, shape (n,)."""
+    return sum((p.objective_by_joint for p in (fit.point, fit.held_out) if p is not None), np.zeros(1))
+
+
+def needed_gain(effect: ChosenEffect, gained: Gained) -> float:
     """Minimum gain for accepting an effect after earlier effects gained `gained`."""
-    return _needed(gained, LIMITS.least_gain_share_episode if is_episode(effect) else LIMITS.least_gain_share)
+    if is_episode(effect):
+        return _needed(gained.total, LIMITS.least_gain_share_episode)
+    return _needed(gained.at(effect), LIMITS.least_gain_share)
 
 
 def _needed(gained: float, share: float) -> float:
     return max(LIMITS.least_gain, share * gained)
 
 
-def exhausted(fit: Fit, gained: float) -> bool:
+def exhausted(fit: Fit, gained: Gained) -> bool:
     """Whether no further effect can gain enough, since all that is above the noise is less than that."""
     points = (fit.point, fit.held_out)
     above = sum(point.objective for point in points if point is not None)
-    return above < _needed(gained, LIMITS.least_gain_share)
+    return above < _needed(float(gained.by_joint.min()), LIMITS.least_gain_share)
 
 
 def structured(fit: Fit, reference: Fit) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import excess, exhausted, verdict
+from flexviz.diagnosis.acceptance import Gained, excess, exhausted, verdict
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, removed, unexplained
@@ -79,7 +79,7 @@ class ForwardSearch:
             self.say("scoring candidate effects")
             if (self.apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
                 self.foresee(ModelStart(fit.layout, fit.x))
-            gained = self.reference.objective - fit.objective
+            gained = Gained.by_effects(fit, self.reference)
             if self.steps and exhausted(fit, gained):
                 break
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import needed_gain
+from flexviz.diagnosis.acceptance import Gained, needed_gain
 from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -31,16 +31,16 @@ class Restart:
         self.context, self.check = context, check
         self.foreseen = Foreseen[RefittedCandidate, bool]()
 
-    def begin(self, fit: Fit, best: RefittedCandidate, gained: float) -> None:
+    def begin(self, fit: Fit, best: RefittedCandidate, gained: Gained) -> None:
         """Begin with this candidate; earlier effects gained `gained`."""
         self.foreseen.begin(best, lambda: self._refit(fit, best, gained) is None)
 
-    def of(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
+    def of(self, fit: Fit, best: RefittedCandidate, gained: Gained) -> Fit | None:
         """The present model if it fits as well; else None."""
         needed = self.foreseen.take(best)
         return None if needed else self._refit(fit, best, gained)
 
-    def _refit(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
+    def _refit(self, fit: Fit, best: RefittedCandidate, gained: Gained) -> Fit | None:
         needed = needed_gain(best.effect, gained)
         again = self.context.fit(
             fit.layout, common_values(best.fit, fit), iterations=THRESHOLDS.search.full_refit,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import (
+    Gained,
     credible,
     excess,
     held_to_be_zero,
@@ -103,7 +104,7 @@ class Search:
     # -- refits
 
     def compare(
-        self, fit: Fit, gained: float, near: NearNoise | None = None
+        self, fit: Fit, gained: Gained, near: NearNoise | None = None
     ) -> tuple[CandidateScores, Comparison]:
         """Scores of the candidates for the next place in the model, and the leading ones refitted.
 
@@ -119,7 +120,7 @@ class Search:
         scores = self.scores(fit)
         return scores, self.refits(fit, scores, gained)
 
-    def refits(self, fit: Fit, scores: CandidateScores, gained: float) -> Comparison:
+    def refits(self, fit: Fit, scores: CandidateScores, gained: Gained) -> Comparison:
         """The leading candidates refitted, best first; earlier effects gained `gained`."""
         chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
         first = self.refit_leader(fit, chosen[0]) if chosen else None
@@ -127,7 +128,7 @@ class Search:
             return self.rivals(fit, first, chosen[1:])
         refitted = [*([first] if first else []), *self.short_refits(fit, chosen[1:])]
         hidden = excess(fit) > LIMITS.hidden_excess  # more than the scores explain
-        started = gained >= ACCEPTANCE.least_gain
+        started = gained.total >= ACCEPTANCE.least_gain
         if hidden and not started:
             refitted += self.underrated(fit, scores)
         refitted = self.halving(refitted)
@@ -137,7 +138,7 @@ class Search:
         return Comparison(by_objective(refitted))
 
     def confirmed(
-        self, fit: Fit, scores: CandidateScores, guess: ModelStart, gained: float
+        self, fit: Fit, scores: CandidateScores, guess: ModelStart, gained: Gained
     ) -> Comparison | None:
         """A guessed model with one more effect and its rivals; None if it leaves something."""
         scored = [s for s in scores.ranked if (*fit.layout.effects, s.effect) == guess.layout.effects]
@@ -272,7 +273,7 @@ class Search:
     # -- decisions
 
     def acceptable(
-        self, fit: Fit, refitted: list[RefittedCandidate], gained: float
+        self, fit: Fit, refitted: list[RefittedCandidate], gained: Gained
     ) -> RefittedCandidate | None:
         """The best refitted candidate not held to be zero, if it gains enough after earlier `gained`."""
         possible = [r for r in refitted if credible(r.fit, r.effect, self.raw_step)]
@@ -305,7 +306,7 @@ class Search:
                 return r if r.fit.objective < best.fit.objective + ACCEPTANCE.nested_gain else best
         return best
 
-    def restarted(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
+    def restarted(self, fit: Fit, best: RefittedCandidate, gained: Gained) -> Fit | None:
         """The present model from the best candidate's values, if it fits as well without the effect."""
         if excess(fit) < LIMITS.far_off:
             return None

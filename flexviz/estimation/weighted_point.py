@@ -118,8 +118,12 @@ class Point:
 
         With that of the transients, which another model may not have.
         """
-        inner = np.count_nonzero(self.used) * float(np.log(np.maximum(self.chi, 1.0)).sum())
-        return inner + self.transients
+        return float(self.objective_by_joint.sum()) + self.transients
+
+    @property
+    def objective_by_joint(self) -> Array:
+        """N log max(χ_j, 1) of each joint, shape (n,)."""
+        return np.count_nonzero(self.used) * np.log(np.maximum(self.chi, 1.0))
 
     @property
     def objective(self) -> float:
