@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexviz.cli import terminal
+from flexviz.cli.loading import loading
 from flexviz.cli.options import (
     IdentificationOptions,
     JsonOption,
@@ -67,11 +68,12 @@ def diagnose(
     ),
 ) -> int:
     """Determine whether the model is complete, and if not, which effect is missing and where."""
-    from flexviz.diagnosis import diagnose as search
-    from flexviz.diagnosis import why_no_curve
-    from flexviz.importing import with_plausibility_warnings
-    from flexviz.measurements import read_set
-    from flexviz.parallel import on_cores, usable_cores
+    with loading():
+        from flexviz.diagnosis import diagnose as search
+        from flexviz.diagnosis import why_no_curve
+        from flexviz.importing import with_plausibility_warnings
+        from flexviz.measurements import read_set
+        from flexviz.parallel import on_cores, usable_cores
 
     if free_curve and not apply:
         raise InputError("--free-curve adds a step to the model, expected --apply beside it")

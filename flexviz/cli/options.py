@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from flexviz.cli.loading import loading
 from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
@@ -179,7 +180,8 @@ def run_identification(
     path: Path, options: IdentificationOptions, report: Reporter, should_stop: Callable[[], bool]
 ) -> tuple[MeasurementSet, Identification]:
     """Read and check a measurement set, and identify it."""
-    from flexviz.identification import identify
+    with loading():
+        from flexviz.identification import identify
 
     measurements = read_selected(path, options)
     arguments = options.arguments()

@@ -76,7 +76,9 @@ def check_lengths(expected: int, what: str, **lists: Sequence[Any] | None) -> No
 class ResultEntry(BaseModel):
     """Part of a document; a record gives its fields by attributes, or a tuple in their order."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, from_attributes=True, populate_by_name=True)
+    model_config = ConfigDict(
+        extra="ignore", frozen=True, from_attributes=True, populate_by_name=True, defer_build=True
+    )
 
     @model_validator(mode="before")
     @classmethod
