@@ -105,11 +105,13 @@ def text(pieces: Sequence[str | Table]) -> str:
 
 
 def write(pieces: Sequence[str | Table], page: Path = PAGE) -> None:
-    """Renew the part between the markers."""
+    """Renew the part between the markers; what is said of several seeds before them stays."""
     blocks = [markdown(p) if isinstance(p, list) else p if p.startswith("#") else _wrapped(p) for p in pieces]
     body = "\n\n".join(blocks)
     filled = f"{HEAD}\n\n{body}\n\n{TAIL}" if body else f"{HEAD}\n{TAIL}"
-    page.write_text(FRAME.replace(f"{HEAD}\n{TAIL}", filled), encoding="utf-8")
+    old = page.read_text(encoding="utf-8") if page.is_file() else FRAME
+    before, after = old.partition(HEAD)[0], old.partition(TAIL)[2]
+    page.write_text(f"{before}{filled}{after}", encoding="utf-8")
 
 
 def _wrapped(words: str) -> str:
