@@ -115,7 +115,8 @@ class Gained:
 
 def _by_joint(fit: Fit) -> NDArray[np.float64]:
     """Noise objective of each joint over all groups, shape (n,)."""
-    return sum((p.objective_by_joint for p in (fit.point, fit.held_out) if p is not None), np.zeros(1))
+    fitted, held_out = fit.point.objective_by_joint, fit.held_out
+    return fitted if held_out is None else fitted + held_out.objective_by_joint
 
 
 def needed_gain(effect: ChosenEffect, gained: Gained) -> float:

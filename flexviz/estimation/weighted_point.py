@@ -123,7 +123,7 @@ class Point:
     @property
     def objective_by_joint(self) -> Array:
         """N log max(χ_j, 1) of each joint, shape (n,)."""
-        return np.count_nonzero(self.used) * np.log(np.maximum(self.chi, 1.0))
+        return float(np.count_nonzero(self.used)) * np.log(np.maximum(self.chi, 1.0))
 
     @property
     def objective(self) -> float:
