@@ -59,12 +59,12 @@ of the model over the data, one per column of a finite-difference Jacobian. *MB*
 user writes beside reading the data, without blank lines, comments and texts; IDIM-LS, IDIM-IV and DIDIM have no package, so it
 is the whole method.
 
-No method can be exact on the two planar practice sets: their motor inertia is biased in the recording. At the exact truth,
-equation 6 leaves −9e-4 θ̈ on joint 1 and −5e-4 θ̈ on joint 2 of 2r-none-19, and of 20 planar practice sets the one identified for joint 2
-is too small by 4.6 to 5.4e-4 kg m², whatever its size, the stiffness, friction and noise: as if the controller interpolated its
-reference between the rows ([what to record](bring-your-own-robot.md#what-to-record), `tests/test_torque_sampling.py`). That is
-.05 to .07 % of B, many times the standard error of `--refine`, which is therefore behind where another method's own error
-happens to compensate it.
+No method can be exact on the two planar practice sets: their recordings bias motor inertia. In 2r-none-19, equation 6 leaves
+−9e-4 θ̈ on joint 1 and −5e-4 θ̈ on joint 2 at the exact truth; in 20 planar practice sets the motor inertia identified for
+joint 2 is too small by 4.6 to 5.4e-4 kg m², whatever its value, stiffness, friction and noise. A controller that
+interpolates its reference between the rows has this effect ([what to record](bring-your-own-robot.md#what-to-record),
+`tests/test_torque_sampling.py`); the sets do not state theirs. It is .05 to .08 % of B, 5 to 100 standard errors of
+`--refine`, which is therefore behind where another method's own error happens to compensate it.
 
 The scripts for mujoco.sysid avoid three obstacles of MuJoCo 4.0.0: its pseudo-inertia modifier does not compile without an
 orientation, its rollout labels sensor readings one step late (states are compared instead), and its resampling can add a step

@@ -89,7 +89,7 @@ def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> Effec
     return EffectEvidence(fit.torque[:, joint], raw_step, names, viscous, top_speed)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gained:
     """Gain of a model's effects over the same parameters without them.
 
@@ -109,7 +109,7 @@ class Gained:
         return cls(reference.objective - fit.objective, np.maximum(joints, 0.0))
 
     def at(self, effect: ChosenEffect) -> float:
-        """Where an effect acts."""
+        """The part where an effect acts; all of it for an effect without a joint."""
         return self.total if effect.joint is None else float(self.by_joint[effect.joint])
 
 

@@ -16,11 +16,10 @@ class AcceptanceThresholds:
     """Acceptance of effects and the verdict on the final model."""
 
     least_gain: float = 100.0  # no false alarm over all candidates tried
-    # of the gain of earlier effects on the same joint, whose approximate models leave traces
+    # share of the gain of earlier effects, whose approximate models leave traces: of that on the same joint ...
     least_gain_share: float = 0.003
-    least_gain_share_episode: float = (
-        0.03  # of that on all joints, for an episode, which imitates many effects
-    )
+    # ... and of that on all joints, for an episode, which imitates many effects
+    least_gain_share_episode: float = 0.03
     least_excess_share: float = 0.1  # share of the excess that an effect has to remove ...
     large_gain_share: float = 0.3  # ... unless it gains this share of the objective above the noise
     structured_excess: float = 1.5  # excess above which a residual is structured, not noise ...
