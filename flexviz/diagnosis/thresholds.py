@@ -16,9 +16,9 @@ class AcceptanceThresholds:
     """Acceptance of effects and the verdict on the final model."""
 
     least_gain: float = 100.0  # no false alarm over all candidates tried
-    # share of the gain of earlier effects, whose approximate models leave traces: of that on the same joint ...
+    # share of the gain of earlier effects, whose approximate models leave traces: that on the same joint ...
     least_gain_share: float = 0.003
-    # ... and of that on all joints, for an episode, which imitates many effects
+    # ... and that on all joints, for an episode, which imitates many effects
     least_gain_share_episode: float = 0.03
     least_excess_share: float = 0.1  # share of the excess that an effect has to remove ...
     large_gain_share: float = 0.3  # ... unless it gains this share of the objective above the noise
