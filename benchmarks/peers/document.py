@@ -61,7 +61,8 @@ is the whole method.
 
 No method can be exact on the two planar practice sets: their recordings bias motor inertia. In 2r-none-19, equation 6 leaves
 −9e-4 θ̈ on joint 1 and −5e-4 θ̈ on joint 2 at the exact truth; in 20 planar practice sets the motor inertia identified for
-joint 2 is too small by 4.6 to 5.4e-4 kg m², whatever its value, stiffness, friction and noise. A controller that
+joint 2 is too small by 4.6 to 5.4e-4 kg m², whatever its value, stiffness, friction and noise
+(`python -m benchmarks.motor_inertia PRACTICE`). A controller that
 interpolates its reference between the rows has this effect ([what to record](bring-your-own-robot.md#what-to-record),
 `tests/test_torque_sampling.py`); the sets do not state theirs. It is .05 to .08 % of B, 5 to 100 standard errors of
 `--refine`, which is therefore behind where another method's own error happens to compensate it.
