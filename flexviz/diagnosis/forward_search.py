@@ -14,6 +14,7 @@ from flexviz.diagnosis.acceptance import Gained, excess, exhausted, verdict
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, removed, unexplained
+from flexviz.diagnosis.effect_at_place import effect_at_place
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
 from flexviz.diagnosis.search import Search
@@ -163,3 +164,10 @@ class ForwardSearch:
         elif place is not None and not self.base.converged:
             self.replace_final(self.search.continued(self.base, LIMITS.last_refit))
         self.place = place
+        if place is None or not place.complete or (self.steps and not self.apply):
+            return
+        step = effect_at_place(self.search, self.final, place, self.reference)
+        if step is not None:
+            self.steps.append(step)
+            self.fitted(step.after)
+            self.place = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -193,37 +193,38 @@ class Search:
         ways = [self.refit, self.refit_afresh] if excess(fit) > LIMITS.far_off else [self.refit]
         return [best_of(way(fit, s, LIMITS.short_refit) for way in ways) for s in chosen]
 
-    def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
-        """Refits of elastic effects on the joints with the largest residual, from several starts.
+    def underrated(
+        self, fit: Fit, scores: CandidateScores, among: Iterable[ChosenEffect] | None = None
+    ) -> list[RefittedCandidate]:
+        """Refits of elastic effects from several starts; default: on the joints with the largest residual.
 
         A stiffness that has absorbed part of such an effect hides it from the score; the starts provided by
         the effect undo this.
         """
-        torque = fit.point.torque
+        if among is None:
+            loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
+            joints = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))]
+            among = [e for e in candidates(fit.layout, self.context.measurements.groups) if e.joint in joints]
         ranked = {s.effect: s for s in scores.ranked}
         out = []
-        loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
-        for j in np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))]:
-            compliance = float(fit.x[fit.layout.compliance][j])
-            rough = float(self.context.rough_compliance[j])
-            for effect in candidates(fit.layout, self.context.measurements.groups):
-                law = EFFECTS[effect.effect]
-                if not law.absorbed_by_stiffness or effect.joint != j:
-                    continue
-                nothing = np.zeros(len(law.parameters))
-                scored = ranked.get(effect) or ScoredCandidate(
-                    effect, 0.0, nothing, np.zeros(fit.point.r.size)
-                )
-                self.say(f"testing candidate from several starts: {law.title}")
-                first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-                starts = [first]
-                for elastic in law.elastic_starts(torque[:, j], compliance, rough):
-                    x = first.x.copy()
-                    x[first.layout.effect_slices()[-1][1]] = elastic.values
-                    x[first.layout.compliance.start + j] = elastic.compliance
-                    starts.append(ModelStart(first.layout, x))
-                fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
-                out.append(best_of(RefittedCandidate(scored, found) for found in fits))
+        for effect in among:
+            law, joint = EFFECTS[effect.effect], effect.joint
+            if not law.absorbed_by_stiffness or joint is None:
+                continue
+            nothing = np.zeros(len(law.parameters))
+            scored = ranked.get(effect) or ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
+            self.say(f"testing candidate from several starts: {law.title}")
+            first = with_effect(fit.layout, fit.x, effect, scored.values)
+            starts = [first]
+            compliance = float(fit.x[fit.layout.compliance][joint])
+            rough = float(self.context.rough_compliance[joint])
+            for elastic in law.elastic_starts(fit.point.torque[:, joint], compliance, rough):
+                x = first.x.copy()
+                x[first.layout.effect_slices()[-1][1]] = elastic.values
+                x[first.layout.compliance.start + joint] = elastic.compliance
+                starts.append(ModelStart(first.layout, x))
+            fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
+            out.append(best_of(RefittedCandidate(scored, found) for found in fits))
         return out
 
     def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:

@@ -113,6 +113,7 @@ class UnknownPlaceThresholds:
     lead: float = 3.0
     least_lead: float = 0.3  # ... and that much more
     imitations: int = 4  # most effects that a search backwards has put in place of one law of no library
+    effects: int = 3  # effects of the library that are tried there
     told: int = 3  # parameters that a note compares at most, if the input changes them by ...
     told_deviations: float = 4.0  # ... this many standard errors ...
     told_share: float = (

@@ -1,0 +1,67 @@
+"""An effect of the library at the place of what seemed to be an unknown law.
+
+A fit without an effect may end so far from the truth that no effect is found from there: a stiffness that has
+run away hides backlash. Beside an arbitrary torque at its place (`unknown_place`) the parameters are not
+biased, and from them such an effect explains everything. What only resembles it leaves much more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis.acceptance import Gained, excess, verdict
+from flexviz.diagnosis.candidates import candidates, is_episode
+from flexviz.diagnosis.comparison import Comparison, SearchStep
+from flexviz.diagnosis.constancy import changing_size
+from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_place import UnknownPlace
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.estimation import Side
+
+LIMITS = THRESHOLDS.search
+
+# `where` of the effects that act on each side of a transmission
+ACTS: dict[Side, tuple[str, ...]] = {
+    "motor": ("motor", "sensing"),
+    "transmission": ("joint",),
+    "link": ("link", "load"),
+}
+
+
+def effect_at_place(search: Search, fit: Fit, place: UnknownPlace, reference: Fit) -> SearchStep | None:
+    """The effect that explains all that a fit leaves, added to it; None if there is none.
+
+    Args:
+        search: rounds of the search.
+        fit: the present model, from which the effect was not found.
+        place: where an arbitrary torque explains everything.
+        reference: the parameters of `fit` without any effects.
+    """
+    context = search.context
+    try:
+        start = context.fit(place.layout, place.x, iterations=0, near=fit)
+    except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
+        return None
+    there = [e for e in candidates(fit.layout, context.measurements.groups) if acts_there(e, place)]
+    scores = search.scores(start, there)
+    refitted = search.underrated(start, scores, there)
+    tried = {r.effect for r in refitted}
+    leading = [s for s in scores.ranked[: THRESHOLDS.unknown_place.effects] if s.effect not in tried]
+    refitted += [search.refit(start, s, LIMITS.short_refit) for s in leading]
+    most = LIMITS.explained_excess * excess(start)
+    refitted = search.halving([r for r in refitted if excess(r.fit) < most])
+    best = search.acceptable(start, refitted, Gained(0.0, np.zeros(fit.layout.n)))
+    if best is None or best.fit.objective > fit.objective:
+        return None
+    if verdict(best.fit, reference) == "unknown" or changing_size(context, best.fit) is not None:
+        return None
+    return SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
+
+
+def acts_there(effect: ChosenEffect, place: UnknownPlace) -> bool:
+    """Whether an effect acts at the place, throughout the recordings."""
+    if effect.joint != place.unknown.joint or is_episode(effect):
+        return False
+    return not place.sure or EFFECTS[effect.effect].where in ACTS[place.unknown.side]
