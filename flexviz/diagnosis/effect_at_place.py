@@ -8,17 +8,22 @@ biased, and from them such an effect explains everything. What only resembles it
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, verdict
-from flexviz.diagnosis.candidates import candidates, is_episode
-from flexviz.diagnosis.comparison import Comparison, SearchStep
+from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
+from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.search import Search, unscored
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import Side
+from flexviz.parallel import shared
+
+Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
 
@@ -46,12 +51,27 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace, reference: Fi
         return None
     there = [e for e in candidates(fit.layout, context.measurements.groups) if acts_there(e, place)]
     scores = search.scores(start, there)
-    refitted = search.underrated(start, scores, there)
-    tried = {r.effect for r in refitted}
-    leading = [s for s in scores.ranked[: THRESHOLDS.unknown_place.effects] if s.effect not in tried]
-    refitted += [search.refit(start, s, LIMITS.short_refit) for s in leading]
+    search.say(stages.AT_PLACE.format(place.joint))
+    leading = scores.ranked[: THRESHOLDS.unknown_place.effects]
+    scored = {s.effect for s in leading}
+    ranked = {s.effect: s for s in scores.ranked}
+    hidden = [e for e in there if EFFECTS[e.effect].absorbed_by_stiffness and e not in scored]
+    tried = [*leading, *(ranked.get(e) or unscored(e, start) for e in hidden)]
+    trials = [(s, at) for s in tried for at in search.starts(start, s)]
+
+    def refit(at: ModelStart) -> tuple[Array, float]:
+        found = search.fit_from(at, LIMITS.short_refit, near=start)
+        return found.x, excess(found)
+
     most = LIMITS.explained_excess * excess(start)
-    refitted = search.halving([r for r in refitted if excess(r.fit) < most])
+    fitted = shared(refit, [at for _, at in trials])
+    refitted = search.halving(
+        [
+            RefittedCandidate(s, search.fit_from(ModelStart(at.layout, x), 0, near=start))
+            for (s, at), (x, left) in zip(trials, fitted, strict=True)
+            if left < most
+        ]
+    )
     best = search.acceptable(start, refitted, Gained(0.0, np.zeros(fit.layout.n)))
     if best is None or best.fit.objective > fit.objective:
         return None

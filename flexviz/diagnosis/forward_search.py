@@ -43,6 +43,8 @@ class ForwardSearch:
         tried: candidates refitted for the base model.
         model_error_variance: shape (n,) [Nm²], allowed in the later steps; None if there is none.
         place: of a law of no library; None if there is none or it is not found.
+        first_place: that of what the set's own model lacks, if it was looked for first.
+        searched_place: the place at which effects were tried last.
     """
 
     def __init__(
@@ -62,6 +64,8 @@ class ForwardSearch:
         self.tried: list[RefittedCandidate] = []
         self.model_error_variance: Array | None = None
         self.place: UnknownPlace | None = None
+        self.first_place: UnknownPlace | None = None
+        self.searched_place: UnknownPlace | None = None
 
     @property
     def final(self) -> Fit:
@@ -84,7 +88,7 @@ class ForwardSearch:
             if self.steps and exhausted(fit, gained):
                 break
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
-            if number == 0:
+            if number == 0 and not self.steps:
                 lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
                 self.tried = [r.reported(self.context.covariance(r.fit)) for r in lower]
             best = self.search.acceptable(fit, compared.refitted, gained)
@@ -99,6 +103,21 @@ class ForwardSearch:
             if not self.apply:
                 break
             self.drop_superfluous()
+
+    def look_at_place_first(self) -> bool:
+        """Whether an arbitrary torque at one place explains all that the set's own model lacks.
+
+        The effect that acts there is added, if there is one. On an arm far from the noise, trying all
+        candidates would take most of the time, and what they explain elsewhere would be withdrawn.
+        """
+        if self.base.layout.n <= THRESHOLDS.unknown_place.joints or excess(self.base) < LIMITS.far_off:
+            return False
+        self.say(stages.PLACE)
+        self.first_place = place = unknown_place(self.context, self.base, self.search.check)
+        if place is None or not place.complete:
+            return False
+        self.try_effects_at(place)
+        return True
 
     def replace_final(self, fit: Fit) -> None:
         """Replace the fit of the final model by a better one from other start values."""
@@ -152,7 +171,7 @@ class ForwardSearch:
     def find_place(self) -> None:
         """Find the place of a law of no library."""
         self.say(stages.PLACE)
-        self.settle(unknown_place(self.context, self.base, self.search.check))
+        self.settle(self.first_place or unknown_place(self.context, self.base, self.search.check))
 
     def settle(self, place: UnknownPlace | None) -> None:
         """Withdraw effects elsewhere than at the place of what the set's own model lacks: they imitate it."""
@@ -164,10 +183,18 @@ class ForwardSearch:
         elif place is not None and not self.base.converged:
             self.replace_final(self.search.continued(self.base, LIMITS.last_refit))
         self.place = place
-        if place is None or not place.complete or (self.steps and not self.apply):
+        if place is not None and place.complete and (self.apply or not self.steps):
+            self.try_effects_at(place)
+
+    def try_effects_at(self, place: UnknownPlace) -> None:
+        """Add the effect of the library that explains all that the final model leaves, if it is there."""
+        if self.searched_place is place:
             return
+        self.searched_place = place
         step = effect_at_place(self.search, self.final, place, self.reference)
         if step is not None:
             self.steps.append(step)
             self.fitted(step.after)
             self.place = None
+            if self.apply:
+                self.add_effects()

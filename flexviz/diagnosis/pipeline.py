@@ -157,7 +157,7 @@ class _Pipeline:
             self.forward = self.prepared(0 if self.stopped else LIMITS.first_iterations)
         try:
             self.check_stop()
-            if not begun:
+            if not begun and not self.forward.look_at_place_first():
                 self.forward.add_effects()
             if self.forward.unexplained:
                 self.forward.explain_the_rest()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -193,39 +193,42 @@ class Search:
         ways = [self.refit, self.refit_afresh] if excess(fit) > LIMITS.far_off else [self.refit]
         return [best_of(way(fit, s, LIMITS.short_refit) for way in ways) for s in chosen]
 
-    def underrated(
-        self, fit: Fit, scores: CandidateScores, among: Iterable[ChosenEffect] | None = None
-    ) -> list[RefittedCandidate]:
-        """Refits of elastic effects from several starts; default: on the joints with the largest residual.
-
-        A stiffness that has absorbed part of such an effect hides it from the score; the starts provided by
-        the effect undo this.
-        """
-        if among is None:
-            loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
-            joints = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))]
-            among = [e for e in candidates(fit.layout, self.context.measurements.groups) if e.joint in joints]
+    def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
+        """Refits of elastic effects on the joints with the largest residual, from several starts."""
         ranked = {s.effect: s for s in scores.ranked}
+        loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
+        joints = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))].tolist()
         out = []
-        for effect in among:
-            law, joint = EFFECTS[effect.effect], effect.joint
-            if not law.absorbed_by_stiffness or joint is None:
+        for effect in candidates(fit.layout, self.context.measurements.groups):
+            law = EFFECTS[effect.effect]
+            if not law.absorbed_by_stiffness or effect.joint not in joints:
                 continue
-            nothing = np.zeros(len(law.parameters))
-            scored = ranked.get(effect) or ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
+            scored = ranked.get(effect) or unscored(effect, fit)
             self.say(f"testing candidate from several starts: {law.title}")
-            first = with_effect(fit.layout, fit.x, effect, scored.values)
-            starts = [first]
-            compliance = float(fit.x[fit.layout.compliance][joint])
-            rough = float(self.context.rough_compliance[joint])
-            for elastic in law.elastic_starts(fit.point.torque[:, joint], compliance, rough):
-                x = first.x.copy()
-                x[first.layout.effect_slices()[-1][1]] = elastic.values
-                x[first.layout.compliance.start + joint] = elastic.compliance
-                starts.append(ModelStart(first.layout, x))
+            starts = self.starts(fit, scored)
             fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
             out.append(best_of(RefittedCandidate(scored, found) for found in fits))
         return out
+
+    def starts(self, fit: Fit, scored: ScoredCandidate) -> list[ModelStart]:
+        """A model with one more effect: at its score's values, and at those that the effect provides.
+
+        A stiffness that has absorbed part of an elastic effect hides it from the score; the other starts undo
+        this.
+        """
+        first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        law, joint = EFFECTS[scored.effect.effect], scored.effect.joint
+        if not law.absorbed_by_stiffness or joint is None:
+            return [first]
+        compliance = float(fit.x[fit.layout.compliance][joint])
+        rough = float(self.context.rough_compliance[joint])
+        starts = [first]
+        for elastic in law.elastic_starts(fit.point.torque[:, joint], compliance, rough):
+            x = first.x.copy()
+            x[first.layout.effect_slices()[-1][1]] = elastic.values
+            x[first.layout.compliance.start + joint] = elastic.compliance
+            starts.append(ModelStart(first.layout, x))
+        return starts
 
     def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:
         """The other candidates from the values of a leader that explains everything.
@@ -331,6 +334,12 @@ class Search:
             if smaller.objective < best.objective + ACCEPTANCE.superfluous_gain:
                 best = smaller
         return best
+
+
+def unscored(effect: ChosenEffect, fit: Fit) -> ScoredCandidate:
+    """A candidate whose guesses are all out of its bounds: of no gain, and no size."""
+    nothing = np.zeros(len(EFFECTS[effect.effect].parameters))
+    return ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
 
 
 def optimistic_gain(scored: ScoredCandidate) -> float:
