@@ -9,14 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexviz.diagnosis import forward_search
 from flexviz.diagnosis.acceptance import excess
+from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.effect_at_place import acts_there, effect_at_place
 from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Layout
-from flexviz.estimation import Side, UnknownInput
+from flexviz.estimation import ScoredCandidate, Side, UnknownInput
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
@@ -84,3 +89,64 @@ def test_effects_of_that_side_are_tried(side: Side, sure: bool, there: tuple[str
     effects.append(ChosenEffect("torque_delay"))
     found = {e for e in effects if acts_there(e, place)}
     assert found == {ChosenEffect(name, 1) for name in there}
+
+
+def place_of(layout: Layout, left: float) -> UnknownPlace:
+    return UnknownPlace(UnknownInput(1, "link", 1.0), layout, np.zeros(layout.size), True, left, True)
+
+
+@pytest.mark.parametrize(
+    ("joints", "excess_now", "left", "found", "looked"),
+    [
+        (1, 100.0, 0.1, True, True),
+        (1, 100.0, 0.1, False, True),
+        (1, 100.0, 50.0, False, False),  # no place explains all
+        (1, 100.0, None, False, False),
+        (1, 1.0, 0.1, True, False),  # near the noise, candidates are tried as usual
+        (2, 100.0, 0.1, True, False),  # so they are on a robot with few joints
+    ],
+)
+def test_on_arms_far_from_the_noise_the_place_comes_first(
+    demo: MeasurementSet,
+    monkeypatch: pytest.MonkeyPatch,
+    joints: int,
+    excess_now: float,
+    left: float | None,
+    found: bool,
+    looked: bool,
+) -> None:
+    layout = Layout(demo.joints)
+    context = FitContext(demo, layout)
+    base = context.fit(layout, context.start(layout).x, iterations=0)
+    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
+    few = replace(THRESHOLDS, unknown_place=replace(THRESHOLDS.unknown_place, joints=joints))
+    monkeypatch.setattr(forward_search, "THRESHOLDS", few)
+    monkeypatch.setattr(forward_search, "excess", lambda fit: excess_now)
+    place = None if left is None else place_of(layout, left)
+    asked = []
+
+    def answer(*_: object) -> UnknownPlace | None:
+        asked.append("place")
+        return place
+
+    added = with_effect(layout, base.x, ChosenEffect("cable_spring", 1), np.zeros(2))
+    scored = ScoredCandidate(ChosenEffect("cable_spring", 1), 1.0, np.zeros(2), np.zeros(1))
+    after = replace(base, layout=added.layout, x=added.x)
+    step = SearchStep(base, RefittedCandidate(scored, after), {}) if found else None
+
+    def try_there(*_: object) -> SearchStep | None:
+        asked.append("effect")
+        return step
+
+    monkeypatch.setattr(forward_search, "unknown_place", answer)
+    monkeypatch.setattr(forward_search, "effect_at_place", try_there)
+    monkeypatch.setattr(search, "add_effects", lambda: asked.append("more"))
+    assert search.look_at_place_first() == looked
+    expected = [] if joints == 2 or excess_now == 1.0 else ["place"]
+    if looked:
+        expected += ["effect", "more"] if found else ["effect"]
+    assert asked == expected
+    assert search.steps == ([step] if looked and found else [])
+    if looked and not found:  # neither is done again
+        search.find_place()
+        assert asked == expected and search.place is place
