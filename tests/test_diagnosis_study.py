@@ -298,3 +298,10 @@ def test_tables_and_page(tmp_path: Path) -> None:
 def test_command_without_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["table", "--work", str(tmp_path), "--only", "clean-2r-000"]) == 1
     assert "0 of 1 cases have a result" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("hits", "count", "text"), [(48, 49, "48/49 (97.9 %)"), (7, 7, "7/7 (100.0 %)"), (0, 0, "–")]
+)
+def test_a_share_below_a_limit_does_not_look_like_it(hits: int, count: int, text: str) -> None:
+    assert st.Share(hits, count).text == text

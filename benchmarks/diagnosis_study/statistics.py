@@ -34,7 +34,11 @@ class Share:
 
     @property
     def text(self) -> str:
-        return f"{self.hits}/{self.count} ({100 * self.value:.1f} %)" if self.count else "–"
+        """`48/49 (97.9 %)`, rounded down, so that a limit that is missed does not look reached."""
+        if not self.count:
+            return "–"
+        tenths = 1000 * self.hits // self.count
+        return f"{self.hits}/{self.count} ({tenths // 10}.{tenths % 10} %)"
 
 
 @dataclass(frozen=True)
