@@ -59,7 +59,7 @@ def test_an_effect_is_found_from_parameters_that_nothing_biases(makes: object, t
     astray = context.fit(layout, x, iterations=0)
     place = unknown_place(context, astray, lambda: None)
     assert place is not None and place.complete and place.joint == "joint2"
-    step = effect_at_place(Search(context, lambda text: None), astray, place, context.without_effects(astray))
+    step = effect_at_place(Search(context, lambda text: None), astray, place)
     if makes is uneven:
         assert step is None
         return
@@ -98,12 +98,13 @@ def place_of(layout: Layout, left: float) -> UnknownPlace:
 @pytest.mark.parametrize(
     ("joints", "excess_now", "left", "found", "looked"),
     [
-        (1, 100.0, 0.1, True, True),
-        (1, 100.0, 0.1, False, True),
-        (1, 100.0, 50.0, False, False),  # no place explains all
-        (1, 100.0, None, False, False),
-        (1, 1.0, 0.1, True, False),  # near the noise, candidates are tried as usual
-        (2, 100.0, 0.1, True, False),  # so they are on a robot with few joints
+        (1, 100.0, 0.1, "complete", True),
+        (1, 100.0, 0.1, "incomplete", True),  # what is found there leaves more than noise
+        (1, 100.0, 0.1, None, True),
+        (1, 100.0, 50.0, None, False),  # no place explains all
+        (1, 100.0, None, None, False),
+        (1, 1.0, 0.1, "complete", False),  # near the noise, candidates are tried as usual
+        (2, 100.0, 0.1, "complete", False),  # so they are on a robot with few joints
     ],
 )
 def test_on_arms_far_from_the_noise_the_place_comes_first(
@@ -112,7 +113,7 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
     joints: int,
     excess_now: float,
     left: float | None,
-    found: bool,
+    found: str | None,
     looked: bool,
 ) -> None:
     layout = Layout(demo.joints)
@@ -132,7 +133,7 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
     added = with_effect(layout, base.x, ChosenEffect("cable_spring", 1), np.zeros(2))
     scored = ScoredCandidate(ChosenEffect("cable_spring", 1), 1.0, np.zeros(2), np.zeros(1))
     after = replace(base, layout=added.layout, x=added.x)
-    step = SearchStep(base, RefittedCandidate(scored, after), {}) if found else None
+    step = SearchStep(base, RefittedCandidate(scored, after), {}) if found is not None else None
 
     def try_there(*_: object) -> SearchStep | None:
         asked.append("effect")
@@ -141,12 +142,16 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
     monkeypatch.setattr(forward_search, "unknown_place", answer)
     monkeypatch.setattr(forward_search, "effect_at_place", try_there)
     monkeypatch.setattr(search, "add_effects", lambda: asked.append("more"))
+    monkeypatch.setattr(
+        forward_search, "verdict", lambda *_: "unknown" if found == "incomplete" else "missing"
+    )
+    monkeypatch.setattr(forward_search, "changing_size", lambda *_: None)
     assert search.look_at_place_first() == looked
     expected = [] if joints == 2 or excess_now == 1.0 else ["place"]
     if looked:
         expected += ["effect", "more"] if found else ["effect"]
     assert asked == expected
-    assert search.steps == ([step] if looked and found else [])
-    if looked and not found:  # neither is done again
+    assert search.steps == ([step] if looked and found == "complete" else [])
+    if looked and found != "complete":  # neither is done again
         search.find_place()
         assert asked == expected and search.place is place

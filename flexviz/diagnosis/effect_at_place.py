@@ -2,7 +2,8 @@
 
 A fit without an effect may end so far from the truth that no effect is found from there: a stiffness that has
 run away hides backlash. Beside an arbitrary torque at its place (`unknown_place`) the parameters are not
-biased, and from them such an effect explains everything. What only resembles it leaves much more.
+biased, and from them such an effect explains everything, or nearly so if a second one acts there. What only
+resembles it leaves much more.
 """
 
 from __future__ import annotations
@@ -11,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import Gained, excess, verdict
+from flexviz.diagnosis.acceptance import Gained, excess, removed_share
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
-from flexviz.diagnosis.constancy import changing_size
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.search import Search, unscored
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -35,14 +35,13 @@ ACTS: dict[Side, tuple[str, ...]] = {
 }
 
 
-def effect_at_place(search: Search, fit: Fit, place: UnknownPlace, reference: Fit) -> SearchStep | None:
-    """The effect that explains all that a fit leaves, added to it; None if there is none.
+def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep | None:
+    """The effect that explains nearly all that a fit leaves, added to it; None if there is none.
 
     Args:
         search: rounds of the search.
         fit: the present model, from which the effect was not found.
         place: where an arbitrary torque explains everything.
-        reference: the parameters of `fit` without any effects.
     """
     context = search.context
     try:
@@ -75,7 +74,7 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace, reference: Fi
     best = search.acceptable(start, refitted, Gained(0.0, np.zeros(fit.layout.n)))
     if best is None or best.fit.objective > fit.objective:
         return None
-    if verdict(best.fit, reference) == "unknown" or changing_size(context, best.fit) is not None:
+    if removed_share(start, best.fit) < THRESHOLDS.unknown_place.explained:
         return None
     return SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
 

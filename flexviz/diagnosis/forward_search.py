@@ -77,6 +77,12 @@ class ForwardSearch:
         """Whether the final model leaves more than noise and the change of a size."""
         return unexplained(self.context, self.final, self.reference)
 
+    @property
+    def complete(self) -> bool:
+        """Whether the final model leaves only noise, and all its sizes are constant."""
+        final = self.final
+        return verdict(final, self.reference) != "unknown" and changing_size(self.context, final) is None
+
     def add_effects(self, near: NearNoise | None = None) -> None:
         """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
         for number in range(LIMITS.rounds):
@@ -187,14 +193,18 @@ class ForwardSearch:
             self.try_effects_at(place)
 
     def try_effects_at(self, place: UnknownPlace) -> None:
-        """Add the effect of the library that explains all that the final model leaves, if it is there."""
+        """Add an effect of the library that acts at a place, and others beside it, if they explain all."""
         if self.searched_place is place:
             return
-        self.searched_place = place
-        step = effect_at_place(self.search, self.final, place, self.reference)
-        if step is not None:
-            self.steps.append(step)
-            self.fitted(step.after)
+        self.searched_place, before = place, self.steps
+        step = effect_at_place(self.search, self.final, place)
+        if step is None:
+            return
+        self.steps = [*before, step]
+        if self.apply:
+            self.add_effects()
+        if self.complete:
+            self.fitted(self.final)
             self.place = None
-            if self.apply:
-                self.add_effects()
+        else:
+            self.steps = before

@@ -26,7 +26,7 @@ from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.diagnosis.rich_result import leaves_only_noise
+from flexviz.diagnosis.rich_result import just_incomplete, leaves_only_noise
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import unknown_place
@@ -146,7 +146,7 @@ class _Pipeline:
             if (best := many.search.best) is not None:
                 rich = many.worth_showing(best)
                 self.start.use(best.fit.layout.model(best.fit.x))
-        if rich is not None and not self.stopped and self.one_law_explains(rich, begun):
+        if rich is not None and not self.stopped and self.few_explain(rich, begun):
             del many, rich
             return self.result(guarded)
         if rich is not None:
@@ -165,8 +165,12 @@ class _Pipeline:
             pass  # the result contains the findings so far
         return self.result(guarded)
 
-    def one_law_explains(self, rich: RichModel, begun: bool) -> bool:
-        """Whether one law of no library explains all that a search backwards found, effects elsewhere too."""
+    def few_explain(self, rich: RichModel, begun: bool) -> bool:
+        """Whether a search forwards explains more than the few effects that a search backwards found.
+
+        One law of no library may explain all of them, effects elsewhere too; or effects added one at a time
+        leave only noise where those leave somewhat more.
+        """
         added = rich.added(self.layout)
         if leaves_only_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
             return False
@@ -180,6 +184,10 @@ class _Pipeline:
                     self.forward = search
                     search.settle(place)
                     return True
+            if not begun and just_incomplete(rich):
+                search.add_effects()
+                self.forward = search
+                return search.complete
         return False
 
     def with_curve(self, result: Diagnosis) -> Diagnosis:

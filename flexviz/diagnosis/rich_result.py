@@ -98,6 +98,12 @@ def leaves_only_noise(rich: RichModel) -> bool:
     return not rich.curves and bool(np.all(ratio < LIMITS.small_left))
 
 
+def just_incomplete(rich: RichModel) -> bool:
+    """Whether the final model leaves little more than complete ones do, and has no free curve."""
+    ratio = float(np.max(rich.fit.rms / rich.fit.context.noise_floor))
+    return not rich.curves and LIMITS.unexplained < ratio < LIMITS.just_unexplained
+
+
 def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) -> Iterator[Finding]:
     """One finding per added effect, in the order of the staircase."""
     std = rich.fit.covariance.standard_errors
