@@ -1,0 +1,53 @@
+"""Two effects that a search backwards does not find: a search forwards does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnosis_study.cases import selected
+from benchmarks.diagnosis_study.making import case_folder, make
+from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.model_family import RichModel
+from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.rich_result import just_incomplete
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.measurements import MeasurementSet, read_set
+
+LIMITS = THRESHOLDS.motion
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pair-2r-032-motor_coupling+stribeck_friction",  # both at one place
+        "pair-2r-015-stribeck_friction+quadratic_friction",  # ends at 17 times the noise backwards
+    ],
+)
+def test_two_effects_with_known_friction_are_found(name: str, tmp_path: Path) -> None:
+    (case,) = selected(79, name)
+    make(tmp_path, case)
+    result = diagnose(read_set(case_folder(tmp_path, name)), apply=True)
+    assert {step.added.effect for step in result.steps if step.added} == set(case.effects)
+    assert result.steps[-1].verdict == "nothing-missing"
+    assert all(step.added.confidence > 0.9 for step in result.steps if step.added)
+
+
+def test_a_search_forwards_follows_where_little_is_left(demo: MeasurementSet) -> None:
+    own = Layout(demo.joints)
+    context = MotionContext(demo, own.joints)
+    fit = context.fit(own, context.start(own).x, iterations=0)
+    curve = (ChosenEffect("free_curve_velocity", 1),)
+    for ratio, curves, expected in (
+        (0.9 * LIMITS.unexplained, (), False),
+        (1.1 * LIMITS.unexplained, (), True),
+        (1.1 * LIMITS.unexplained, curve, False),
+        (1.1 * LIMITS.just_unexplained, (), False),
+    ):
+        fit.__dict__["rms"] = context.noise_floor * np.array([1.0, ratio])
+        assert just_incomplete(RichModel(fit, {}, curves)) == expected
