@@ -109,8 +109,8 @@ class Gained:
         return cls(reference.objective - fit.objective, np.maximum(joints, 0.0))
 
     def at(self, effect: ChosenEffect) -> float:
-        """The part where an effect acts; all of it for an effect without a joint."""
-        return self.total if effect.joint is None else float(self.by_joint[effect.joint])
+        """The part where an effect acts; the largest one for an effect on all joints."""
+        return float(self.by_joint.max() if effect.joint is None else self.by_joint[effect.joint])
 
 
 def _by_joint(fit: Fit) -> NDArray[np.float64]:

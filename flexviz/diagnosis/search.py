@@ -194,18 +194,22 @@ class Search:
         return [best_of(way(fit, s, LIMITS.short_refit) for way in ways) for s in chosen]
 
     def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
-        """Refits of elastic effects on the joints with the largest residual, from several starts."""
+        """Refits of elastic effects whose scores mean little.
+
+        Those on the joints with the largest residual, from several starts; and those for which the score
+        promises something only with the wrong sign: near a biased model it may be wrong about that.
+        """
         ranked = {s.effect: s for s in scores.ranked}
         loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
         joints = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))].tolist()
         out = []
         for effect in candidates(fit.layout, self.context.measurements.groups):
-            law = EFFECTS[effect.effect]
-            if not law.absorbed_by_stiffness or effect.joint not in joints:
+            law, most = EFFECTS[effect.effect], effect.joint in joints
+            if not law.absorbed_by_stiffness or not (most or effect not in ranked):
                 continue
             scored = ranked.get(effect) or unscored(effect, fit)
             self.say(f"testing candidate from several starts: {law.title}")
-            starts = self.starts(fit, scored)
+            starts = self.starts(fit, scored)[: None if most else 1]
             fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
             out.append(best_of(RefittedCandidate(scored, found) for found in fits))
         return out
@@ -337,7 +341,7 @@ class Search:
 
 
 def unscored(effect: ChosenEffect, fit: Fit) -> ScoredCandidate:
-    """A candidate whose guesses are all out of its bounds: of no gain, and no size."""
+    """A candidate whose guesses are all outside its bounds: of no gain, and no size."""
     nothing = np.zeros(len(EFFECTS[effect.effect].parameters))
     return ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
 
