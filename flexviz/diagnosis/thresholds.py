@@ -16,7 +16,8 @@ class AcceptanceThresholds:
     """Acceptance of effects and the verdict on the final model."""
 
     least_gain: float = 100.0  # no false alarm over all candidates tried
-    # share of the gain of earlier effects, whose approximate models leave traces: that on the same joint ...
+    # share of the gain of earlier effects, whose approximate models leave traces: that on the same joint, or
+    # for an effect on all joints the largest of one ...
     least_gain_share: float = 0.003
     # ... and that on all joints, for an episode, which imitates many effects
     least_gain_share_episode: float = 0.03
