@@ -16,6 +16,7 @@ from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.effect_at_place import acts_there, effect_at_place
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.forward_search import ForwardSearch
+from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
@@ -155,3 +156,24 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
     if looked and found != "complete":  # neither is done again
         search.find_place()
         assert asked == expected and search.place is place
+
+
+def test_an_effect_that_is_only_being_tried_is_taken_back_if_the_user_stops(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout = Layout(demo.joints)
+    context = FitContext(demo, layout)
+    base = context.fit(layout, context.start(layout).x, iterations=0)
+    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
+    scored = ScoredCandidate(ChosenEffect("cable_spring", 1), 1.0, np.zeros(2), np.zeros(1))
+    step = SearchStep(base, RefittedCandidate(scored, base), {})
+    monkeypatch.setattr(forward_search, "effect_at_place", lambda *_: step)
+
+    def stopped() -> None:
+        assert search.steps == [step]
+        raise Interrupted
+
+    monkeypatch.setattr(search, "add_effects", stopped)
+    with pytest.raises(Interrupted):
+        search.try_effects_at(place_of(layout, 0.1))
+    assert search.steps == []

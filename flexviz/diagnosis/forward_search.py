@@ -43,7 +43,7 @@ class ForwardSearch:
         tried: candidates refitted for the base model.
         model_error_variance: shape (n,) [Nm²], allowed in the later steps; None if there is none.
         place: of a law of no library; None if there is none or it is not found.
-        first_place: that of what the set's own model lacks, if it was looked for first.
+        seen_base, seen_place: a fit of the set's own model, and the place of what it lacks, if looked for.
         searched_place: the place at which effects were tried last.
     """
 
@@ -64,7 +64,8 @@ class ForwardSearch:
         self.tried: list[RefittedCandidate] = []
         self.model_error_variance: Array | None = None
         self.place: UnknownPlace | None = None
-        self.first_place: UnknownPlace | None = None
+        self.seen_base: Fit | None = None
+        self.seen_place: UnknownPlace | None = None
         self.searched_place: UnknownPlace | None = None
 
     @property
@@ -118,8 +119,7 @@ class ForwardSearch:
         """
         if self.base.layout.n <= THRESHOLDS.unknown_place.joints or excess(self.base) < LIMITS.far_off:
             return False
-        self.say(stages.PLACE)
-        self.first_place = place = unknown_place(self.context, self.base, self.search.check)
+        place = self.place_of_base()
         if place is None or not place.complete:
             return False
         self.try_effects_at(place)
@@ -176,8 +176,15 @@ class ForwardSearch:
 
     def find_place(self) -> None:
         """Find the place of a law of no library."""
-        self.say(stages.PLACE)
-        self.settle(self.first_place or unknown_place(self.context, self.base, self.search.check))
+        self.settle(self.place_of_base())
+
+    def place_of_base(self) -> UnknownPlace | None:
+        """The place of what the set's own model lacks."""
+        if self.seen_base is not self.base:
+            self.say(stages.PLACE)
+            self.seen_place = unknown_place(self.context, self.base, self.search.check)
+            self.seen_base = self.base
+        return self.seen_place
 
     def settle(self, place: UnknownPlace | None) -> None:
         """Withdraw effects elsewhere than at the place of what the set's own model lacks: they imitate it."""
@@ -200,11 +207,14 @@ class ForwardSearch:
         step = effect_at_place(self.search, self.final, place)
         if step is None:
             return
-        self.steps = [*before, step]
-        if self.apply:
-            self.add_effects()
-        if self.complete:
+        self.steps, complete = [*before, step], False
+        try:
+            if self.apply:
+                self.add_effects()
+            complete = self.complete
+        finally:  # also if the user stops it
+            if not complete:
+                self.steps = before
+        if complete:
             self.fitted(self.final)
             self.place = None
-        else:
-            self.steps = before
