@@ -13,7 +13,7 @@ from flexviz.diagnosis import forward_search
 from flexviz.diagnosis.acceptance import excess
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
-from flexviz.diagnosis.effect_at_place import acts_there, effect_at_place
+from flexviz.diagnosis.effect_at_place import effect_at_place
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.pipeline import Interrupted
@@ -22,7 +22,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, Side, UnknownInput
+from flexviz.estimation import ScoredCandidate, UnknownInput
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
@@ -71,25 +71,6 @@ def test_an_effect_is_found_from_parameters_that_nothing_biases(makes: object, t
     assert excess(fit) < 0.5
     # all candidates of that joint were scored, and no others
     assert step.scores is not None and {s.effect.joint for s in step.scores.ranked} == {1}
-
-
-@pytest.mark.parametrize(
-    ("side", "sure", "there"),
-    [
-        ("motor", True, ("coulomb_friction", "torque_gain")),
-        ("transmission", True, ("backlash",)),
-        ("link", True, ("cable_spring",)),
-        ("link", False, ("backlash", "cable_spring", "coulomb_friction", "torque_gain")),
-    ],
-)
-def test_effects_of_that_side_are_tried(side: Side, sure: bool, there: tuple[str, ...]) -> None:
-    layout = Layout(("joint1", "joint2"))
-    place = UnknownPlace(UnknownInput(1, side, 1.0), layout, np.zeros(layout.size), sure, 0.0, True)
-    names = ("backlash", "cable_spring", "coulomb_friction", "external_contact", "torque_gain")
-    effects = [ChosenEffect(name, joint) for name in names for joint in (0, 1)]
-    effects.append(ChosenEffect("torque_delay"))
-    found = {e for e in effects if acts_there(e, place)}
-    assert found == {ChosenEffect(name, 1) for name in there}
 
 
 def place_of(layout: Layout, left: float) -> UnknownPlace:

@@ -19,20 +19,12 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.search import Search, unscored
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
-from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.estimation import Side
+from flexviz.effects import EFFECTS
 from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
-
-# `where` of the effects that act on each side of a transmission
-ACTS: dict[Side, tuple[str, ...]] = {
-    "motor": ("motor", "sensing"),
-    "transmission": ("joint",),
-    "link": ("link", "load"),
-}
 
 
 def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep | None:
@@ -48,7 +40,9 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep
         start = context.fit(place.layout, place.x, iterations=0, near=fit)
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return None
-    there = [e for e in candidates(fit.layout, context.measurements.groups) if acts_there(e, place)]
+    joint = place.unknown.joint
+    every = candidates(fit.layout, context.measurements.groups)
+    there = [e for e in every if e.joint == joint and not is_episode(e)]
     scores = search.scores(start, there)
     search.say(stages.AT_PLACE.format(place.joint))
     leading = scores.ranked[: THRESHOLDS.unknown_place.effects]
@@ -77,10 +71,3 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep
     if removed_share(start, best.fit) < THRESHOLDS.unknown_place.explained:
         return None
     return SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
-
-
-def acts_there(effect: ChosenEffect, place: UnknownPlace) -> bool:
-    """Whether an effect acts at the place, throughout the recordings."""
-    if effect.joint != place.unknown.joint or is_episode(effect):
-        return False
-    return not place.sure or EFFECTS[effect.effect].where in ACTS[place.unknown.side]
