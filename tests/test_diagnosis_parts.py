@@ -181,6 +181,19 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
 
 
+def test_one_joint_of_an_arm_may_be_structured_where_the_mean_is_not() -> None:
+    layout = Layout(tuple("abcdefg"))
+    quiet_joints = np.full(7, 1.05)
+
+    def bare(chi: float) -> Any:
+        values = np.append(quiet_joints[:6], chi)
+        return SimpleNamespace(chi=values, chi_held_out=values, layout=layout)
+
+    assert excess(bare(3.2)) < THRESHOLDS.acceptance.structured_excess_bare
+    assert verdict(bare(3.2), bare(3.2)) == "unknown"
+    assert verdict(bare(1.3), bare(1.3)) == "nothing-missing"
+
+
 def test_elastic_effects_are_refitted_where_their_scores_mean_little(
     base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
