@@ -9,7 +9,7 @@ import numpy as np
 
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import Covariance, Projection, ScoredCandidate
 
 LIMITS = THRESHOLDS.search
@@ -88,6 +88,12 @@ class SearchStep:
     def after(self) -> Fit:
         """The model with the effect."""
         return self.adapted or self.chosen.fit
+
+
+def unscored(effect: ChosenEffect, fit: Fit) -> ScoredCandidate:
+    """A candidate whose guesses are all outside its bounds: of no gain, and no size."""
+    nothing = np.zeros(len(EFFECTS[effect.effect].parameters))
+    return ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
 
 
 def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:

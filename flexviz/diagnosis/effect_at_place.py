@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, removed_share
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
-from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
+from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.search import Search, unscored
+from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
 from flexviz.effects import EFFECTS

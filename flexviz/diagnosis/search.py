@@ -27,7 +27,9 @@ from flexviz.diagnosis.candidates import (
     with_effect,
     without_effect,
 )
-from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, best_of, by_objective
+from flexviz.diagnosis.comparison import (
+    CandidateScores, Comparison, RefittedCandidate, best_of, by_objective, unscored,
+)  # fmt: skip
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
@@ -338,12 +340,6 @@ class Search:
             if smaller.objective < best.objective + ACCEPTANCE.superfluous_gain:
                 best = smaller
         return best
-
-
-def unscored(effect: ChosenEffect, fit: Fit) -> ScoredCandidate:
-    """A candidate whose guesses are all outside its bounds: of no gain, and no size."""
-    nothing = np.zeros(len(EFFECTS[effect.effect].parameters))
-    return ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
 
 
 def optimistic_gain(scored: ScoredCandidate) -> float:
