@@ -96,6 +96,11 @@ def unscored(effect: ChosenEffect, fit: Fit) -> ScoredCandidate:
     return ScoredCandidate(effect, 0.0, nothing, np.zeros(fit.point.r.size))
 
 
+def optimistic_gain(scored: ScoredCandidate) -> float:
+    """Upper estimate of the gain of a refit."""
+    return EFFECTS[scored.effect.effect].optimism * scored.gain
+
+
 def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
     """Refitted candidates, the best first."""
     return sorted(refitted, key=lambda r: r.fit.objective)

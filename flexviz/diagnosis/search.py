@@ -28,8 +28,14 @@ from flexviz.diagnosis.candidates import (
     without_effect,
 )
 from flexviz.diagnosis.comparison import (
-    CandidateScores, Comparison, RefittedCandidate, best_of, by_objective, unscored,
-)  # fmt: skip
+    CandidateScores,
+    Comparison,
+    RefittedCandidate,
+    best_of,
+    by_objective,
+    optimistic_gain,
+    unscored,
+)
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
@@ -340,8 +346,3 @@ class Search:
             if smaller.objective < best.objective + ACCEPTANCE.superfluous_gain:
                 best = smaller
         return best
-
-
-def optimistic_gain(scored: ScoredCandidate) -> float:
-    """Upper estimate of the gain of a refit."""
-    return EFFECTS[scored.effect.effect].optimism * scored.gain
