@@ -3,56 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flexviz.diagnosis import forward_search
 from flexviz.diagnosis.acceptance import excess
-from flexviz.diagnosis.candidates import with_effect
-from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
+from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.effect_at_place import effect_at_place
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
-from flexviz.effects import ChosenEffect, JointState
+from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, UnknownInput
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
-from tests.planar_arm import HELD_OUT, of_groups
+from flexviz.measurements import MeasurementSet
+from tests.planar_arm import HELD_OUT, planar_set
+from tests.unknown_laws import Uneven, place_at, search_of, set_with, step_from
 
 HALF_WIDTH = 0.004
 
 
-class Uneven(ExtraLaw):
-    """A spring that is softer at some angles, on a joint of 1,500 Nm/rad: no effect of the library."""
-
-    def pull(self, at: JointState) -> Pull:
-        return Pull(joint=0.4 * 1500.0 * cos(5 * at.theta) * (at.theta - at.q))
-
-
-def lost_motion(folder: Path) -> MeasurementSet:
-    """The planar arm with backlash of several times the joint's deflection."""
-    plan = of_groups(make_plan("planar-2r", [f"backlash:joint2:half_width={HALF_WIDTH}"]), HELD_OUT)
-    return read_set(write_plan(plan, simulate_plan(plan, 7), folder, 7))
-
-
-def uneven(folder: Path) -> MeasurementSet:
-    plan = of_groups(make_plan("planar-2r"), HELD_OUT)
-    plan = replace(plan, laws=((plan.model.joints[1], Uneven()),))
-    return read_set(write_plan(plan, simulate_plan(plan, 7), folder, 7))
-
-
-@pytest.mark.parametrize("makes", [lost_motion, uneven])
-def test_an_effect_is_found_from_parameters_that_nothing_biases(makes: object, tmp_path: Path) -> None:
-    """From a fit whose stiffness has run away; a law that the effects only resemble stays unknown."""
-    measurements = (lost_motion if makes is lost_motion else uneven)(tmp_path / "set")
+def found_at_place(measurements: MeasurementSet) -> SearchStep | None:
+    """The effect found on joint 2, from a fit whose stiffness has run away."""
     layout = Layout(measurements.joints)
     context = FitContext(measurements, layout)
     x = context.fit(layout, context.start(layout).x).x
@@ -61,32 +35,37 @@ def test_an_effect_is_found_from_parameters_that_nothing_biases(makes: object, t
     place = unknown_place(context, astray, lambda: None)
     assert place is not None and place.complete and place.joint == "joint2"
     step = effect_at_place(Search(context, lambda text: None), astray, place)
-    if makes is uneven:
-        assert step is None
-        return
-    assert step is not None and step.before is astray
-    assert step.chosen.effect == ChosenEffect("backlash", 1)
+    assert step is None or step.before is astray
+    return step
+
+
+def test_backlash_is_found_from_parameters_that_nothing_biases(tmp_path: Path) -> None:
+    """Of several times the joint's deflection."""
+    hidden = (f"backlash:joint2:half_width={HALF_WIDTH}",)
+    step = found_at_place(planar_set(tmp_path / "set", hidden, 7, groups=HELD_OUT))
+    assert step is not None and step.chosen.effect == ChosenEffect("backlash", 1)
     fit = step.after
-    assert fit.x[layout.size] == pytest.approx(HALF_WIDTH, rel=0.05)
+    assert fit.x[step.before.layout.size] == pytest.approx(HALF_WIDTH, rel=0.05)
     assert excess(fit) < 0.5
     # all candidates of that joint were scored, and no others
     assert step.scores is not None and {s.effect.joint for s in step.scores.ranked} == {1}
 
 
-def place_of(layout: Layout, left: float) -> UnknownPlace:
-    return UnknownPlace(UnknownInput(1, "link", 1.0), layout, np.zeros(layout.size), True, left, True)
+def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
+    measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
+    assert found_at_place(measurements) is None
 
 
 @pytest.mark.parametrize(
-    ("joints", "excess_now", "left", "found", "looked"),
+    ("joints", "excess_now", "explains_all", "found", "looked"),
     [
-        (1, 100.0, 0.1, "complete", True),
-        (1, 100.0, 0.1, "incomplete", True),  # what is found there leaves more than noise
-        (1, 100.0, 0.1, None, True),
-        (1, 100.0, 50.0, None, False),  # no place explains all
+        (1, 100.0, True, "complete", True),
+        (1, 100.0, True, "incomplete", True),  # what is found there leaves more than noise
+        (1, 100.0, True, None, True),
+        (1, 100.0, False, None, False),  # no place explains all
         (1, 100.0, None, None, False),
-        (1, 1.0, 0.1, "complete", False),  # near the noise, candidates are tried as usual
-        (2, 100.0, 0.1, "complete", False),  # so they are on a robot with few joints
+        (1, 1.0, True, "complete", False),  # near the noise, candidates are tried as usual
+        (2, 100.0, True, "complete", False),  # so they are on a robot with few joints
     ],
 )
 def test_on_arms_far_from_the_noise_the_place_comes_first(
@@ -94,28 +73,23 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
     monkeypatch: pytest.MonkeyPatch,
     joints: int,
     excess_now: float,
-    left: float | None,
+    explains_all: bool | None,
     found: str | None,
     looked: bool,
 ) -> None:
-    layout = Layout(demo.joints)
-    context = FitContext(demo, layout)
-    base = context.fit(layout, context.start(layout).x, iterations=0)
-    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
+    search = search_of(demo)
+    base = search.base
     few = replace(THRESHOLDS, unknown_place=replace(THRESHOLDS.unknown_place, joints=joints))
     monkeypatch.setattr(forward_search, "THRESHOLDS", few)
     monkeypatch.setattr(forward_search, "excess", lambda fit: excess_now)
-    place = None if left is None else place_of(layout, left)
+    place = None if explains_all is None else place_at(1, base.layout, explains_all)
     asked = []
 
     def answer(*_: object) -> UnknownPlace | None:
         asked.append("place")
         return place
 
-    added = with_effect(layout, base.x, ChosenEffect("cable_spring", 1), np.zeros(2))
-    scored = ScoredCandidate(ChosenEffect("cable_spring", 1), 1.0, np.zeros(2), np.zeros(1))
-    after = replace(base, layout=added.layout, x=added.x)
-    step = SearchStep(base, RefittedCandidate(scored, after), {}) if found is not None else None
+    step = step_from(base, ChosenEffect("cable_spring", 1)) if found is not None else None
 
     def try_there(*_: object) -> SearchStep | None:
         asked.append("effect")
@@ -142,12 +116,8 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
 def test_an_effect_that_is_only_being_tried_is_taken_back_if_the_user_stops(
     demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    layout = Layout(demo.joints)
-    context = FitContext(demo, layout)
-    base = context.fit(layout, context.start(layout).x, iterations=0)
-    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
-    scored = ScoredCandidate(ChosenEffect("cable_spring", 1), 1.0, np.zeros(2), np.zeros(1))
-    step = SearchStep(base, RefittedCandidate(scored, base), {})
+    search = search_of(demo)
+    step = step_from(search.base, ChosenEffect("cable_spring", 1))
     monkeypatch.setattr(forward_search, "effect_at_place", lambda *_: step)
 
     def stopped() -> None:
@@ -156,5 +126,5 @@ def test_an_effect_that_is_only_being_tried_is_taken_back_if_the_user_stops(
 
     monkeypatch.setattr(search, "add_effects", stopped)
     with pytest.raises(Interrupted):
-        search.try_effects_at(place_of(layout, 0.1))
+        search.try_effects_at(place_at(1, search.base.layout))
     assert search.steps == []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import cos, pi, sin
+from math import pi, sin
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +12,15 @@ import pytest
 
 from flexviz.diagnosis import diagnose, forward_search
 from flexviz.diagnosis.beside_unknown import BesideUnknown
-from flexviz.diagnosis.candidates import with_effect
-from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
+from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.residuals import SlowResidual
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.diagnosis.vibration import vibration
-from flexviz.effects import EFFECTS, ChosenEffect, JointState
+from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.estimation import SIDES, ScoredCandidate, Side, UnknownInput
+from flexviz.estimation import SIDES, Side, UnknownInput
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import FlatZeroPhase
 from flexviz.recording.texts import diagnosis_text
@@ -30,8 +28,9 @@ from flexviz.robot import Robot
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
-from tests.planar_arm import HELD_OUT, of_groups
+from tests.planar_arm import of_groups
 from tests.test_equation import made_up_set, point
+from tests.unknown_laws import Uneven, place_at, search_of, set_with, step_from
 
 HERTZ = 2.7
 
@@ -45,30 +44,11 @@ class Shaken(ExtraLaw):
 
 
 @dataclass(frozen=True)
-class Uneven(ExtraLaw):
-    """A spring that is softer at some angles."""
-
-    stiffness: float
-
-    def pull(self, at: JointState) -> Pull:
-        return Pull(joint=0.15 * self.stiffness * cos(5 * at.theta) * (at.theta - at.q))
-
-
-@dataclass(frozen=True)
 class Saturated(ExtraLaw):
     """The motor gives less the more it has to carry."""
 
     def pull(self, at: JointState) -> Pull:
         return Pull(motor=0.05 * at.load * (at.load / 10.0) ** 2)
-
-
-def set_with(law: Callable[[float], ExtraLaw], joint: int, folder: Path) -> tuple[MeasurementSet, np.ndarray]:
-    """The planar arm with a law on a joint, and the stiffnesses of its joints."""
-    plan = of_groups(make_plan("planar-2r"), HELD_OUT)
-    stiffness = plan.model.stiffness
-    plan = replace(plan, laws=((plan.model.joints[joint], law(float(stiffness[joint]))),))
-    write_plan(plan, simulate_plan(plan, 5), folder, 5)
-    return read_set(folder), np.array(stiffness)
 
 
 @pytest.mark.parametrize("damped", [False, True])
@@ -192,11 +172,6 @@ def test_a_vibration_is_found_unless_the_motion_explains_it() -> None:
     assert vibration(slow(sine, np.sin(2 * np.pi * 1.07 * time), step), 0) is None  # its third harmonic
 
 
-def place_at(joint: int, layout: Layout, complete: bool = True) -> UnknownPlace:
-    left = 0.5 if complete else 5.0
-    return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, left, True)
-
-
 @pytest.mark.parametrize(
     ("joint", "complete", "apply", "kept"),
     [(0, True, True, 1), (0, True, False, 1), (1, True, True, 0), (0, False, True, 2), (None, True, True, 2)],
@@ -209,16 +184,11 @@ def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
     apply: bool,
     kept: int,
 ) -> None:
-    layout = Layout(demo.joints)
-    context = FitContext(demo, layout)
-    fit = base = context.fit(layout, context.start(layout).x, iterations=0)
-    steps = []
+    search = search_of(demo, apply)
+    layout, fit, steps = search.base.layout, search.base, []
     for effect in (ChosenEffect("coulomb_friction", 0), ChosenEffect("torque_offset", 1)):
-        added = with_effect(fit.layout, fit.x, effect, np.zeros(len(EFFECTS[effect.effect].parameters)))
-        before, fit = fit, replace(fit, layout=added.layout, x=added.x)
-        scored = ScoredCandidate(effect, 1.0, np.zeros(1), np.zeros(1))
-        steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
-    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None, apply)
+        steps.append(step_from(fit, effect))
+        fit = steps[-1].after
     search.steps = list(steps)
     asked = []
 
@@ -302,12 +272,8 @@ def test_part_of_a_period_is_no_vibration() -> None:
 def test_effects_beside_a_model_error_have_to_explain_more_than_an_arbitrary_torque(
     demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch, excess_with: float, added: int
 ) -> None:
-    layout = Layout(demo.joints)
-    context = FitContext(demo, layout)
-    base = context.fit(layout, context.start(layout).x, iterations=0)
-    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
-    scored = ScoredCandidate(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
-    step = SearchStep(base, RefittedCandidate(scored, base), {})
+    search = search_of(demo)
+    step = step_from(search.base, ChosenEffect("coulomb_friction", 1))
 
     class Confirmed:
         variance = np.ones(2)

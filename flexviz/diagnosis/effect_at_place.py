@@ -45,12 +45,12 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep
     there = [e for e in every if e.joint == joint and not is_episode(e)]
     scores = search.scores(start, there)
     search.say(stages.AT_PLACE.format(place.joint))
-    leading = scores.ranked[: THRESHOLDS.unknown_place.effects]
-    scored = {s.effect for s in leading}
+    tried = {s.effect: s for s in scores.ranked[: THRESHOLDS.unknown_place.effects]}
     ranked = {s.effect: s for s in scores.ranked}
-    hidden = [e for e in there if EFFECTS[e.effect].absorbed_by_stiffness and e not in scored]
-    tried = [*leading, *(ranked.get(e) or unscored(e, start) for e in hidden)]
-    trials = [(s, at) for s in tried for at in search.starts(start, s)]
+    for effect in there:
+        if EFFECTS[effect.effect].absorbed_by_stiffness:  # their scores mean little
+            tried[effect] = ranked.get(effect) or unscored(effect, start)
+    trials = [(s, at) for s in tried.values() for at in search.starts(start, s)]
 
     def refit(at: ModelStart) -> tuple[Array, float]:
         found = search.fit_from(at, LIMITS.short_refit, near=start)

@@ -29,7 +29,6 @@ from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.rich_result import just_incomplete, leaves_only_noise
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_place import unknown_place
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -175,14 +174,13 @@ class _Pipeline:
         if leaves_only_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
             return False
         with contextlib.suppress(Interrupted):
-            self.say(stages.PLACE)
             search = self.forward if begun else self.prepared()
-            place = unknown_place(search.context, search.base, search.search.check)
+            place = search.place_of_base()
             if place is not None and place.complete:
                 elsewhere = any(e.joint != place.unknown.joint for e in added)
                 if elsewhere or not added:
                     self.forward = search
-                    search.settle(place)
+                    search.find_place()
                     return True
             if not begun and just_incomplete(rich):
                 search.add_effects()

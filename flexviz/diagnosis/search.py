@@ -208,16 +208,16 @@ class Search:
         promises something only with the wrong sign: near a biased model it may be wrong about that.
         """
         ranked = {s.effect: s for s in scores.ranked}
-        loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
-        joints = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))].tolist()
+        count = np.count_nonzero(fit.chi > LIMITS.hidden_share * fit.chi.max())
+        loudest = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, count)].tolist()
         out = []
         for effect in candidates(fit.layout, self.context.measurements.groups):
-            law, most = EFFECTS[effect.effect], effect.joint in joints
-            if not law.absorbed_by_stiffness or not (most or effect not in ranked):
+            law, loud = EFFECTS[effect.effect], effect.joint in loudest
+            if not law.absorbed_by_stiffness or not (loud or effect not in ranked):
                 continue
             scored = ranked.get(effect) or unscored(effect, fit)
-            self.say(f"testing candidate from several starts: {law.title}")
-            starts = self.starts(fit, scored)[: None if most else 1]
+            self.say(f"testing candidate{' from several starts' if loud else ''}: {law.title}")
+            starts = self.starts(fit, scored)[: None if loud else 1]
             fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
             out.append(best_of(RefittedCandidate(scored, found) for found in fits))
         return out

@@ -1,0 +1,66 @@
+"""Laws of no library on the planar arm, their places, and a search whose parts a test replaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import cos
+from pathlib import Path
+
+import numpy as np
+
+from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.forward_search import ForwardSearch
+from flexviz.diagnosis.unknown_place import UnknownPlace
+from flexviz.effects import EFFECTS, ChosenEffect, JointState
+from flexviz.equation import Layout
+from flexviz.estimation import ScoredCandidate, UnknownInput
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
+from tests.planar_arm import HELD_OUT, of_groups
+
+
+@dataclass(frozen=True)
+class Uneven(ExtraLaw):
+    """A spring that is softer at some angles."""
+
+    stiffness: float
+    share: float = 0.15
+
+    def pull(self, at: JointState) -> Pull:
+        return Pull(joint=self.share * self.stiffness * cos(5 * at.theta) * (at.theta - at.q))
+
+
+def set_with(
+    law: Callable[[float], ExtraLaw], joint: int, folder: Path, seed: int = 5
+) -> tuple[MeasurementSet, np.ndarray]:
+    """The planar arm with a law on a joint, and the stiffnesses of its joints."""
+    plan = of_groups(make_plan("planar-2r"), HELD_OUT)
+    stiffness = plan.model.stiffness
+    plan = replace(plan, laws=((plan.model.joints[joint], law(float(stiffness[joint]))),))
+    write_plan(plan, simulate_plan(plan, seed), folder, seed)
+    return read_set(folder), np.array(stiffness)
+
+
+def place_at(joint: int, layout: Layout, complete: bool = True) -> UnknownPlace:
+    """A place on the link side of a joint."""
+    left = 0.5 if complete else 5.0
+    return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, left, True)
+
+
+def search_of(measurements: MeasurementSet, apply: bool = True) -> ForwardSearch:
+    """A search from the set's own model at its start values."""
+    layout = Layout(measurements.joints)
+    context = FitContext(measurements, layout)
+    base = context.fit(layout, context.start(layout).x, iterations=0)
+    return ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None, apply)
+
+
+def step_from(before: Fit, effect: ChosenEffect) -> SearchStep:
+    """An effect of no size added to a model, without a refit."""
+    nothing = np.zeros(len(EFFECTS[effect.effect].parameters))
+    added = with_effect(before.layout, before.x, effect, nothing)
+    scored = ScoredCandidate(effect, 1.0, nothing, np.zeros(1))
+    return SearchStep(before, RefittedCandidate(scored, replace(before, layout=added.layout, x=added.x)), {})
