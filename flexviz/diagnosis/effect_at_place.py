@@ -15,6 +15,7 @@ from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, removed_share
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
+from flexviz.diagnosis.elastic_starts import starts
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -50,7 +51,7 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep
     for effect in there:
         if EFFECTS[effect.effect].absorbed_by_stiffness:  # their scores mean little
             tried[effect] = ranked.get(effect) or unscored(effect, start)
-    trials = [(s, at) for s in tried.values() for at in search.starts(start, s)]
+    trials = [(s, at) for s in tried.values() for at in starts(context, start, s)]
 
     def refit(at: ModelStart) -> tuple[Array, float]:
         found = search.fit_from(at, LIMITS.short_refit, near=start)

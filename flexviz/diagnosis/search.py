@@ -36,6 +36,7 @@ from flexviz.diagnosis.comparison import (
     optimistic_gain,
     unscored,
 )
+from flexviz.diagnosis.elastic_starts import loudest, starts
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
@@ -137,11 +138,13 @@ class Search:
         refitted = [*([first] if first else []), *self.short_refits(fit, chosen[1:])]
         hidden = excess(fit) > LIMITS.hidden_excess  # more than the scores explain
         started = gained.total >= ACCEPTANCE.least_gain
+        loud = loudest(fit, LIMITS.hidden_joints if hidden else 1)
         if hidden and not started:
-            refitted += self.underrated(fit, scores)
+            refitted += self.underrated(fit, loud, scores)
         refitted = self.halving(refitted)
-        if hidden and started and self.acceptable(fit, refitted, gained) is None:
-            more = self.halving(self.underrated(fit, scores))
+        later = excess(fit) > LIMITS.faint_excess and (started or not hidden)
+        if later and self.acceptable(fit, refitted, gained) is None:
+            more = self.halving(self.underrated(fit, loud, scores))
             refitted += [r for r in more if removed_share(fit, r.fit) > LIMITS.hidden_removed]
         return Comparison(by_objective(refitted))
 
@@ -201,46 +204,27 @@ class Search:
         ways = [self.refit, self.refit_afresh] if excess(fit) > LIMITS.far_off else [self.refit]
         return [best_of(way(fit, s, LIMITS.short_refit) for way in ways) for s in chosen]
 
-    def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
+    def underrated(
+        self, fit: Fit, loud: list[int], scores: CandidateScores | None
+    ) -> list[RefittedCandidate]:
         """Refits of elastic effects whose scores mean little.
 
-        Those on the joints with the largest residual, from several starts; and those for which the score
-        promises something only with the wrong sign: near a biased model it may be wrong about that.
+        Those on the `loud` joints, from several starts; and those for which the score promises something only
+        with the wrong sign: near a biased model it may be wrong about that. Without `scores`: the former.
         """
-        ranked = {s.effect: s for s in scores.ranked}
-        count = np.count_nonzero(fit.chi > LIMITS.hidden_share * fit.chi.max())
-        loudest = np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, count)].tolist()
+        ranked = {s.effect: s for s in scores.ranked} if scores else {}
         out = []
         for effect in candidates(fit.layout, self.context.measurements.groups):
-            law, loud = EFFECTS[effect.effect], effect.joint in loudest
-            if not law.absorbed_by_stiffness or not (loud or effect not in ranked):
+            law, is_loud = EFFECTS[effect.effect], effect.joint in loud
+            wrong_sign = scores is not None and effect not in ranked
+            if not law.absorbed_by_stiffness or not (is_loud or wrong_sign):
                 continue
             scored = ranked.get(effect) or unscored(effect, fit)
-            self.say(f"testing candidate{' from several starts' if loud else ''}: {law.title}")
-            starts = self.starts(fit, scored)[: None if loud else 1]
-            fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
+            self.say(f"testing candidate{' from several starts' if is_loud else ''}: {law.title}")
+            tried = starts(self.context, fit, scored)[: None if is_loud else 1]
+            fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in tried)
             out.append(best_of(RefittedCandidate(scored, found) for found in fits))
         return out
-
-    def starts(self, fit: Fit, scored: ScoredCandidate) -> list[ModelStart]:
-        """A model with one more effect: at its score's values, and at those that the effect provides.
-
-        A stiffness that has absorbed part of an elastic effect hides it from the score; the other starts undo
-        this.
-        """
-        first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        law, joint = EFFECTS[scored.effect.effect], scored.effect.joint
-        if not law.absorbed_by_stiffness or joint is None:
-            return [first]
-        compliance = float(fit.x[fit.layout.compliance][joint])
-        rough = float(self.context.rough_compliance[joint])
-        starts = [first]
-        for elastic in law.elastic_starts(fit.point.torque[:, joint], compliance, rough):
-            x = first.x.copy()
-            x[first.layout.effect_slices()[-1][1]] = elastic.values
-            x[first.layout.compliance.start + joint] = elastic.compliance
-            starts.append(ModelStart(first.layout, x))
-        return starts
 
     def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:
         """The other candidates from the values of a leader that explains everything.
@@ -270,6 +254,9 @@ class Search:
             if not rival.converged and rival.objective <= limit:
                 rival = self.continued(rival, LIMITS.full_refit, beat=tied)
             out.append(RefittedCandidate(s, rival))
+        if excess(leader.fit) > LIMITS.faint_excess:  # it may imitate what the scores hide
+            elastic = self.underrated(fit, loudest(leader.fit, 1), None)
+            out += self.halving([r for r in elastic if r.effect != leader.effect])
         return Comparison(by_objective([leader, *out]), ruled_out)
 
     def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:

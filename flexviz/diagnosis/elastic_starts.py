@@ -1,0 +1,39 @@
+"""Elastic effects whose scores mean little: where they are tried, and from which values.
+
+A stiffness that has absorbed part of an elastic effect hides it from the score.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis.candidates import ModelStart, with_effect
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import EFFECTS
+from flexviz.estimation import ScoredCandidate
+
+LIMITS = THRESHOLDS.search
+
+
+def loudest(fit: Fit, most: int) -> list[int]:
+    """The joints with the largest residuals, at most `most`."""
+    count = np.count_nonzero(fit.chi > LIMITS.hidden_share * fit.chi.max())
+    return np.argsort(-fit.chi)[: min(most, count)].tolist()
+
+
+def starts(context: FitContext, fit: Fit, scored: ScoredCandidate) -> list[ModelStart]:
+    """A model with one more effect: at its score's values, and at those that the effect provides."""
+    first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+    law, joint = EFFECTS[scored.effect.effect], scored.effect.joint
+    if not law.absorbed_by_stiffness or joint is None:
+        return [first]
+    compliance = float(fit.x[fit.layout.compliance][joint])
+    rough = float(context.rough_compliance[joint])
+    found = [first]
+    for elastic in law.elastic_starts(fit.point.torque[:, joint], compliance, rough):
+        x = first.x.copy()
+        x[first.layout.effect_slices()[-1][1]] = elastic.values
+        x[first.layout.compliance.start + joint] = elastic.compliance
+        found.append(ModelStart(first.layout, x))
+    return found
