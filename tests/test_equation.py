@@ -178,7 +178,7 @@ def test_sensitivity_to_signals_against_finite_differences():
     signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.1)
     x = point(layout, robot)
     equation = Equation(robot, signals, layout)
-    parts = signal_sensitivity(layout, x, equation.at(x).link_terms(x))
+    parts = signal_sensitivity(layout, x, equation.at(x).link_terms(x), x[layout.compliance])
     theta, tau = (direct + elastic for direct, elastic in zip(*parts, strict=True))
     for matrices, field in ((theta, "theta"), (tau, "tau")):
         for k in range(len(matrices)):
@@ -193,15 +193,22 @@ def test_sensitivity_to_signals_against_finite_differences():
                 np.testing.assert_allclose(matrices[k][:, :, j], slope, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("damped", [False, True])
-def test_noise_on_its_ways_against_noise(damped: bool):
-    """The residual's variance from white noise in the records, through a damped joint too, against draws."""
+@pytest.mark.parametrize(
+    "effect, sharp",
+    [("", False), ("joint_damping", False), ("joint_damping", True), ("stiffness_hardening", True)],
+)
+def test_noise_on_its_ways_against_noise(effect: str, sharp: bool):
+    """The residual's variance from white noise in the records against draws, through such joints, too."""
     robot = Robot.load("robots:planar_2r")
     whole = made_up_set(robot, "link2", seconds=6.0)
     quiet = replace(whole, groups=whole.groups[:1])
-    layout = Layout(robot.joints, (ChosenEffect("joint_damping", 0),) if damped else ())
+    layout = Layout(robot.joints, (ChosenEffect(effect, 0),) if effect else ())
     x = point(layout, robot)
-    x[layout.effect_start :] = 0.012 / x[layout.compliance][0]  # a time constant of 12 ms
+    stiffness = 1 / x[layout.compliance][0]
+    if effect:  # a time constant of 12 ms, or half the compliance at the largest load of 180 Nm
+        x[-1] = {"joint_damping": 0.012 * stiffness, "stiffness_hardening": 0.3 * stiffness**3 / 180**2}[
+            effect
+        ]
     observer, noise = FlatZeroPhase(2 * np.pi * 14), (np.array([4e-5, 2e-5]), np.array([4e-3, 2e-3]))
     rng = np.random.default_rng(3)
 
@@ -209,7 +216,7 @@ def test_noise_on_its_ways_against_noise(damped: bool):
         signals = build_signals(
             measurements, measurements.groups, observer, sample_step=0.02, exact_step=True, drop=(0.4, 0.4)
         )
-        return Equation(robot, signals, layout).at(x)
+        return Equation(robot, replace(signals, sharp=sharp), layout).at(x)
 
     def drawn() -> MeasurementSet:
         group = quiet.groups[0]
@@ -224,14 +231,16 @@ def test_noise_on_its_ways_against_noise(damped: bool):
     block = still.signals.blocks[0]
     steps = (block.segment.step * block.stride, block.segment.step)
 
-    def predicted(model: Layout) -> np.ndarray:
-        ways = noise_paths(model, x[: model.size], link)
+    def predicted(model: Layout, sharp: bool = sharp) -> np.ndarray:
+        ways = noise_paths(model, x[: model.size], link, sharp)
         kernels = [noise_kernel(observer, *steps, way.derivatives, 0) for way in ways]
         return paths_covariance(ways, kernels, noise, block.rows)[0].mean(axis=0).diagonal()
 
     np.testing.assert_allclose(found, predicted(layout), rtol=0.08)
-    if damped:  # and the damper matters
-        assert predicted(Layout(robot.joints))[0] > 1.3 * found[0]
+    if effect:  # and it matters
+        assert predicted(Layout(robot.joints))[0] > 1.15 * found[0]
+    if effect == "joint_damping":
+        assert np.all(np.abs(found - predicted(layout)) < 0.5 * np.abs(found - predicted(layout, not sharp)))
 
 
 def test_order_of_joints_does_not_matter():

@@ -151,10 +151,13 @@ class Columns:
         total = np.zeros((self.size, self.size))
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step * block.stride
-            part = LinkTerms(link.dq[rows], link.dv[rows], link.mass[rows])
             hertz = frequencies(rows.stop - rows.start, step)
             density = noise_density(
-                noise_paths(self.layout, self._vectors[0], part), self._noise, _derivative, self._step, hertz
+                noise_paths(self.layout, self._vectors[0], link.rows(rows)),
+                self._noise,
+                _derivative,
+                self._step,
+                hertz,
             )
             total += information(columns[rows], density, step)
         return total

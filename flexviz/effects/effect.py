@@ -249,6 +249,10 @@ class Effect(ABC):
         """Time constant of the low-pass from joint torque to deflection [s]; 0 without damping."""
         return 0.0
 
+    def softness(self, values: Array, torque: Array, compliance: float) -> Array | float:
+        """Local compliance of the joint relative to its own one, under a torque (N,) [Nm]: shape (N,)."""
+        return 1.0
+
     def refining(self, simpler: Array) -> Array:
         """Start values from those of the effect that it replaces."""
         return self.sizes()

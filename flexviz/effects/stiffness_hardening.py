@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from flexviz.effects.effect import JointScale
-from flexviz.effects.elastic_joint import gain, present, share_of, spring_at
+from flexviz.effects.elastic_joint import gain, hardened, present, share_of, spring_at
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
@@ -33,6 +35,10 @@ class StiffnessHardening(LawEffect):
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         spring = spring_at(motion, values[0], present(motion, "joint_damping"))
         return gain(motion, spring) - share_of("joint_damping", motion), -spring.slope_by_cubic()[None]
+
+    def softness(self, values: Array, torque: Array, compliance: float) -> Array:
+        cubic, stiffness = max(float(values[0]), 0.0), 1 / compliance
+        return 1 / (1 + 3 * cubic / stiffness * np.square(hardened(torque, stiffness, cubic)))
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.2 * scale.stiffness / scale.deflection**2,)

@@ -69,7 +69,7 @@ class WideMotions:
         self._signals, self._layout, self._x, self._shared = signals, layout, x, shared
         self._wide: dict[int, list[Level]] = {}
         self._smooth: dict[int, list[Level]] = {}
-        self._above: dict[int, list[Level | None]] = {}
+        self._in_band: dict[int, list[Array | None]] = {}
 
     def of(self, joint: int, s: Array | None) -> list[JointMotion]:
         """Motions of a joint in every stretch.
@@ -141,28 +141,36 @@ class WideMotions:
         """
         if joint not in self._smooth:
             self._smooth[joint] = self._without_friction(joint)
-            parts = zip(self.fine, self._smooth[joint], strict=True)
-            self._above[joint] = [self._above_band(joint, fine.step, level) for fine, level in parts]
-        out, wide = [], zip(self._smooth[joint], self._above[joint], strict=True)
-        for fine, block, (smooth, above) in zip(self.fine, self._signals.blocks, wide, strict=True):
+            parts = zip(self._signals.blocks, self.fine, self._smooth[joint], strict=True)
+            self._in_band[joint] = [self._of_samples(joint, *part) for part in parts]
+        out, wide = [], zip(self._smooth[joint], self._in_band[joint], strict=True)
+        for fine, block, (smooth, in_band) in zip(self.fine, self._signals.blocks, wide, strict=True):
             torque, rate = (level.copy() for level in smooth)
             between, inside, near = self._known(fine, block)
-            found, slope = between.read(s[block.rows, joint])
-            torque[: inside.start] += np.median((found - torque[inside])[:near])
-            torque[inside.stop :] += np.median((found - torque[inside])[-near:])
-            torque[inside], rate[inside] = found, slope
-            if above is not None:
-                torque[inside] += above[0][inside]
-                rate[inside] += above[1][inside]
+            if in_band is None:
+                found, slope = between.read(s[block.rows, joint])
+                change = found - torque[inside]
+                torque[inside], rate[inside] = found, slope
+            else:
+                change, slope = between.read(s[block.rows, joint] - in_band)
+                torque[inside] += change
+                rate[inside] += slope
+            torque[: inside.start] += np.median(change[:near])
+            torque[inside.stop :] += np.median(change[-near:])
             out.append((torque, rate))
         return out
 
-    def _above_band(self, joint: int, step: float, level: Level) -> Level | None:
-        """What a wide-band torque has above the band of the equation; None unless the signals are sharp."""
+    def _of_samples(self, joint: int, block: Block, fine: FineSignals, level: Level) -> Array | None:
+        """The part of a wide-band torque in the band of the equation, at its samples, shape (N_block,).
+
+        None unless the signals are sharp. What the torque of the equation differs by is smooth: near the edge
+        of its band, where a period has less than three samples, the torque itself cannot be interpolated.
+        """
         if not self._signals.sharp:
             return None
-        torque, rate = self._signals.observer_of(joint).derivatives(level[0][:, None], step, 2)[..., 0]
-        return level[0] - torque, level[1] - rate
+        slow = self._signals.observer_of(joint).derivatives(level[0][:, None], fine.step, 1)[0, :, 0]
+        time = self._signals.time[block.rows]
+        return slow[np.round((time - fine.time[0]) / fine.step).astype(int)]
 
     def _without_friction(self, joint: int) -> list[Level]:
         """The wide-band torque without friction; unless the signals are sharp, at both ends only.

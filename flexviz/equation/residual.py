@@ -210,8 +210,9 @@ class OperatingPoint:
 
     def link_terms(self, x: Array) -> LinkTerms:
         """The rigid-body terms at x."""
-        q = self.motor_side(x)[1]
-        return self.equation.link.evaluate(self._bodies(x), *q, gravity=self._gravity(x))
+        s, q = self.motor_side(x)
+        link = self.equation.link.evaluate(self._bodies(x), *q, gravity=self._gravity(x))
+        return replace(link, torque=s[0].copy())
 
     def residual(self, x: Array) -> Array:
         """Residual alone at x, shape (N, n) [Nm]; three times faster than with the Jacobian."""
@@ -245,6 +246,7 @@ class OperatingPoint:
         jacobian = np.zeros((self.signals.count, lay.n, lay.size))
         regressor = jacobian[:, :, lay.inertial]
         link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
+        link = replace(link, torque=s[0].copy())
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
             residual[rows] -= regressor[rows] @ parameters.ravel()

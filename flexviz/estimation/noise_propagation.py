@@ -26,11 +26,14 @@ class NoiseDerivatives:
     Attributes:
         orders: shape (D,), order of each derivative.
         lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
-        alone: only through the sensitivity of a damped joint: filtered again, times 1/(1 + iω·lag)².
+        again: what a damped joint lags behind a spring is filtered once more, like every effect that sees
+            filtered signals only.
+        alone: only through the sensitivity of a damped joint, times 1/(1 + iω·lag)².
     """
 
     orders: tuple[int, ...]
     lags: tuple[float, ...]
+    again: bool = False
     alone: bool = False
 
     @classmethod
@@ -39,12 +42,8 @@ class NoiseDerivatives:
         return cls(tuple(range(count)), (0.0,) * count)
 
     def gains(self, transfer: Transfer, omega: Array) -> Sequence[NDArray[np.inexact]]:
-        """Complex gains from the raw samples to each of the D derivatives, shape (F,) each.
-
-        The difference between a damped joint and a spring is computed from filtered signals and, like every
-        effect, filtered again.
-        """
-        again: NDArray[np.inexact] = transfer(omega, 0) if self.alone or any(self.lags) else np.ones(0)
+        """Complex gains from the raw samples to each of the D derivatives, shape (F,) each."""
+        again: NDArray[np.inexact] | float = transfer(omega, 0) if self.again else 1.0
         out = []
         for order, lag in zip(self.orders, self.lags, strict=True):
             gain = transfer(omega, order)
@@ -103,22 +102,44 @@ def time_constants(layout: Layout, x: Array) -> Array:
     return out
 
 
-def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
+def local_compliance(layout: Layout, x: Array, torque: Array | None) -> Array:
+    """∂δ/∂s of the joints under a transmission torque (N, n) [Nm]: shape (N, n), or (n,) if it is constant.
+
+    Args:
+        layout, x: the model, x of shape (P,).
+        torque: None where it is not known: joints count as linear.
+    """
+    own = x[layout.compliance]
+    bent = None
+    for effect, where in layout.effect_slices():
+        j, law = effect.joint, EFFECTS[effect.effect]
+        if torque is None or j is None:
+            continue
+        share = law.softness(x[where], torque[:, j], float(own[j]))
+        if not isinstance(share, float):
+            bent = np.tile(own, (len(torque), 1)) if bent is None else bent
+            bent[:, j] *= share
+    return own if bent is None else bent
+
+
+def noise_paths(layout: Layout, x: Array, link: LinkTerms, sharp: bool = True) -> list[NoisePath]:
     """All paths of the sensor noise into the residual, from the rigid-body terms at N samples.
+
+    `sharp`: effects see signals beyond the observer's band (`Signals.sharp`).
 
     A damped joint, K δ + D δ̇ = s, low-passes the noise of s with the time constant D/K: hardly any noise
     reaches the deflection at the high frequencies that its second derivative amplifies.
     """
-    direct, elastic = signal_sensitivity(layout, x, link)
+    direct, elastic = signal_sensitivity(layout, x, link, local_compliance(layout, x, link.torque))
     lag = time_constants(layout, x)
     return [
-        path_through(sensor, joints, direct[sensor], elastic[sensor], float(lag[joints[0]]))
+        path_through(sensor, joints, direct[sensor], elastic[sensor], float(lag[joints[0]]), sharp)
         for sensor, joints in _kinds(lag)
     ]
 
 
 def path_through(
-    sensor: int, joints: NDArray[np.intp], direct: Array, elastic: Array, lag: float
+    sensor: int, joints: NDArray[np.intp], direct: Array, elastic: Array, lag: float, sharp: bool = True
 ) -> NoisePath:
     """Path of the sensors of joints with the same time constant D/K [s].
 
@@ -127,12 +148,13 @@ def path_through(
         joints: shape (m,).
         direct, elastic: parts of the sensitivity of this sensor (`signal_sensitivity`), shape (D, N, n, n).
         lag: the time constant; 0 without damping.
+        sharp: as for `noise_paths`.
     """
     mine, through = direct[..., joints], elastic[..., joints]
     plain = NoiseDerivatives.plain(len(direct))
     if lag == 0.0:
         return NoisePath(sensor, joints, mine + through, plain)
-    derivatives = NoiseDerivatives(plain.orders * 2, plain.lags + (lag,) * len(direct))
+    derivatives = NoiseDerivatives(plain.orders * 2, plain.lags + (lag,) * len(direct), again=not sharp)
     return NoisePath(sensor, joints, np.concatenate((mine, through)), derivatives)
 
 
@@ -146,9 +168,8 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
     Returns:
         (index of the parameters, shape (m,); noise path of the sensors of their joints) each.
     """
-    lag, unit = time_constants(layout, x), x.copy()
-    unit[layout.compliance] = 1.0
-    _, elastic = signal_sensitivity(layout, unit, link)
+    lag = time_constants(layout, x)
+    _, elastic = signal_sensitivity(layout, x, link, np.ones(layout.n))
     damping = {e.joint: at.start for e, at in layout.effect_slices() if EFFECTS[e.effect].damps_deflection}
     out = []
     for sensor, joints in _kinds(lag):
@@ -207,13 +228,17 @@ def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
 Sensitivity = tuple[Array, Array]  # ∂r/∂θ^(k) (5, N, n, n) [Nm s^k/rad], ∂r/∂τ^(k) (3, N, n, n) [s^k]
 
 
-def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Sensitivity, Sensitivity]:
+def signal_sensitivity(
+    layout: Layout, x: Array, link: LinkTerms, compliance: Array
+) -> tuple[Sensitivity, Sensitivity]:
     """The direct part of the sensitivity to the signals, and the part through the elasticity of the joints.
 
     From s = τ − Bθ̈ − f_mv θ̇, q = θ − c s and r = s − YΓ − f_lv q̇, with L₀ = ∂(YΓ)/∂q, L₁ = ∂(YΓ)/∂q̇ +
-    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k). Sensitivities through the effects are neglected.
+    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k), where c may change with the load (`compliance`, shape (N, n) or
+    (n,)). Other sensitivities through the effects are neglected.
     """
-    compliance, inertia, viscous = x[layout.compliance], x[layout.motor_inertia], x[layout.motor_viscous]
+    inertia, viscous = x[layout.motor_inertia], x[layout.motor_viscous]
+    compliance = np.broadcast_to(compliance, (len(link.mass), layout.n))[:, None]
     levels = (link.dq, link.dv + np.diag(x[layout.link_viscous]), link.mass)
     theta, tau = (np.zeros((depth, *link.mass.shape)) for depth in DEPTH)
     through_theta, through_tau = np.zeros_like(theta), np.zeros_like(tau)

@@ -220,7 +220,7 @@ class TwoBandData:
     def noise_level(self, x: Array, link: LinkTerms) -> Array:
         """Mean noise variance of the residual, from a few samples, shape (n,) [Nm²]."""
         few = slice(None, None, max(1, self.wide.signals.count // NOISE_SAMPLES))
-        part = LinkTerms(link.dq[few], link.dv[few], link.mass[few])
+        part = link.rows(few)
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
         variance = np.zeros(self.layout.n)
         for path in noise_paths(self.layout, x, part):
@@ -289,7 +289,7 @@ def residual_noise(
 ) -> Array:
     """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²]."""
     total = np.zeros(layout.n)
-    for whole in noise_paths(layout, x, link):
+    for whole in noise_paths(layout, x, link, signals.sharp):
         for path, observer in whole.by_bandwidth(signals.observer):
             for block in signals.blocks:
                 raw = block.segment.step

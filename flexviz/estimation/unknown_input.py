@@ -18,6 +18,7 @@ from flexviz.equation import Layout, LinkTerms
 from flexviz.estimation.noise_propagation import (
     TAU,
     NoisePath,
+    local_compliance,
     path_through,
     signal_sensitivity,
     time_constants,
@@ -53,7 +54,8 @@ class UnknownInput:
 
     def path(self, layout: Layout, x: Array, link: LinkTerms) -> NoisePath:
         """Path of u through the equation."""
-        direct, elastic = (part[TAU] for part in signal_sensitivity(layout, x, link))
+        compliance = local_compliance(layout, x, link.torque)
+        direct, elastic = (part[TAU] for part in signal_sensitivity(layout, x, link, compliance))
         lag = float(time_constants(layout, x)[self.joint])
         if self.side == "transmission":
             direct = np.zeros_like(direct)
