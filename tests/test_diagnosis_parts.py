@@ -189,9 +189,27 @@ def test_one_joint_of_an_arm_may_be_structured_where_the_mean_is_not() -> None:
         values = np.append(quiet_joints[:6], chi)
         return SimpleNamespace(chi=values, chi_held_out=values, layout=layout)
 
-    assert excess(bare(3.2)) < THRESHOLDS.acceptance.structured_excess_bare
+    assert excess(bare(3.2)) < THRESHOLDS.acceptance.structured_excess_smooth
     assert verdict(bare(3.2), bare(3.2)) == "unknown"
     assert verdict(bare(1.3), bare(1.3)) == "nothing-missing"
+
+
+@pytest.mark.parametrize(
+    "effect, before, expected",
+    [
+        ("joint_damping", 1.2, "unknown"),
+        ("joint_damping", 2e3, "nothing-missing"),
+        ("backlash", 1.2, "nothing-missing"),
+    ],
+)
+def test_effects_without_reversals_leave_little(effect: str, before: float, expected: str) -> None:
+    """Two imitations of a wobbling mass left three quarters of what was missing."""
+
+    def model(left: float, effects: tuple[ChosenEffect, ...]) -> Any:
+        values = np.full(2, 1 + left)
+        return SimpleNamespace(chi=values, chi_held_out=values, layout=Layout(("a", "b"), effects))
+
+    assert verdict(model(0.9, (ChosenEffect(effect, 0),)), model(before, ())) == expected
 
 
 def test_a_refined_law_has_to_earn_its_freedom(base: tuple[FitContext, Fit]) -> None:

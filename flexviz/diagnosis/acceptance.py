@@ -146,17 +146,17 @@ def exhausted(fit: Fit, gained: Gained) -> bool:
 def structured(fit: Fit, reference: Fit) -> bool:
     """Whether a residual exceeds the noise plus a small share of the residual without any effects.
 
-    Models of effects are approximate, so that each leaves a trace of what it explains.
+    Models of effects are approximate, so that each leaves a trace of what it explains; more at reversals, where
+    torques are only roughly known.
     """
+    explained = excess(reference)
     hidden = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
     share = LIMITS.trace_share_hidden_state if hidden else LIMITS.trace_share
-    trace = share * excess(reference)
-    if fit.layout.effects:
-        return excess(fit) > LIMITS.structured_excess + trace
-    return (
-        excess(fit) > LIMITS.structured_excess_bare + trace
-        or largest_excess(fit) > LIMITS.structured_joint_bare
-    )
+    if fit.layout.has_reversals:
+        return excess(fit) > LIMITS.structured_excess + share * explained
+    smooth = LIMITS.structured_excess_smooth
+    trace = min(LIMITS.trace_share_smooth * explained, LIMITS.structured_excess - smooth) + share * explained
+    return excess(fit) > smooth + trace or largest_excess(fit) > LIMITS.structured_joint_smooth + trace
 
 
 def verdict(fit: Fit, reference: Fit) -> Verdict:
