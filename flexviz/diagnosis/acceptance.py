@@ -146,8 +146,8 @@ def exhausted(fit: Fit, gained: Gained) -> bool:
 def structured(fit: Fit, reference: Fit) -> bool:
     """Whether a residual exceeds the noise plus a small share of the residual without any effects.
 
-    Models of effects are approximate, so that each leaves a trace of what it explains; more at reversals, where
-    torques are only roughly known.
+    Models of effects are approximate, so that each leaves a trace of what it explains; more at reversals,
+    where torques are only roughly known.
     """
     explained = excess(reference)
     hidden = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
