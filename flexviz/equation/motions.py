@@ -136,8 +136,8 @@ class WideMotions:
 
         Outside the time span of the equation's samples in the stretch, the wide-band torque is used, also
         without friction: a damped joint would respond to a step of friction that is subtracted on one side
-        only. If the signals are sharp, it is used throughout, corrected by what s differs by within the band of
-        the equation: without what is above the band, reversals of the link are milliseconds off.
+        only. If the signals are sharp, it is used throughout, corrected by what s differs by in its own band:
+        without what is above that band, reversals of the link are milliseconds off.
         """
         if joint not in self._smooth:
             self._smooth[joint] = self._without_friction(joint)
