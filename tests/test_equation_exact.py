@@ -115,7 +115,7 @@ def own_friction(equation: Equation, x: np.ndarray, motion: Any, joint: int) -> 
 @pytest.mark.parametrize("sharp", [False, True])
 @pytest.mark.parametrize("friction", [False, True])
 def test_wide_band_motion_with_the_torque_of_the_equation(friction: bool, sharp: bool) -> None:
-    """s of the equation where it is known, if sharp as a difference in its band; else the wide-band torque."""
+    """s of the equation where it is known, if sharp as a difference in its band; else wide-band torque."""
     hidden: Any = {("cable_spring", 0): (3.0, 0.2), ("stiffness_hardening", 0): (2e4,)}
     hidden |= {("quadratic_friction", 0): (3.0,)} if friction else {}
     equation, x = at_the_truth(hidden, 14.0, 1.2)
