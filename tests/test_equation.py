@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import Equation, Layout, OperatingPoint, build_signals
+from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.fine_signals import LINK_VELOCITY_NOISE, TORQUE_NOISE, torque_band
 from flexviz.equation.motions import LEAST_VISCOUS, LEAST_VISCOUS_SHARE, viscous_scale
 from flexviz.equation.signals import FINE_STEP, equation_stride, fine_samples
 from flexviz.errors import InputError
-from flexviz.estimation.noise_propagation import noise_paths, signal_sensitivity
+from flexviz.estimation.noise_propagation import signal_sensitivity
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
-from flexviz.estimation.whitening import noise_kernel, paths_covariance
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import FlatZeroPhase, make_observer
 from flexviz.robot import PayloadBody, Robot
@@ -191,56 +190,6 @@ def test_sensitivity_to_signals_against_finite_differences():
                     moved.append(other.evaluate(x).residual)
                 slope = (moved[0] - moved[1]) / 2e-5
                 np.testing.assert_allclose(matrices[k][:, :, j], slope, rtol=1e-5, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "effect, sharp",
-    [("", False), ("joint_damping", False), ("joint_damping", True), ("stiffness_hardening", True)],
-)
-def test_noise_on_its_ways_against_noise(effect: str, sharp: bool):
-    """The residual's variance from white noise in the records against draws, through such joints, too."""
-    robot = Robot.load("robots:planar_2r")
-    whole = made_up_set(robot, "link2", seconds=6.0)
-    quiet = replace(whole, groups=whole.groups[:1])
-    layout = Layout(robot.joints, (ChosenEffect(effect, 0),) if effect else ())
-    x = point(layout, robot)
-    stiffness = 1 / x[layout.compliance][0]
-    if effect:  # a time constant of 12 ms, or half the compliance at the largest load of 180 Nm
-        x[-1] = {"joint_damping": 0.012 * stiffness, "stiffness_hardening": 0.3 * stiffness**3 / 180**2}[
-            effect
-        ]
-    observer, noise = FlatZeroPhase(2 * np.pi * 14), (np.array([4e-5, 2e-5]), np.array([4e-3, 2e-3]))
-    rng = np.random.default_rng(3)
-
-    def prepared(measurements: MeasurementSet) -> OperatingPoint:
-        signals = build_signals(
-            measurements, measurements.groups, observer, sample_step=0.02, exact_step=True, drop=(0.4, 0.4)
-        )
-        return Equation(robot, replace(signals, sharp=sharp), layout).at(x)
-
-    def drawn() -> MeasurementSet:
-        group = quiet.groups[0]
-        segment = group.segments[0]
-        theta, tau = (noise[k] * rng.standard_normal(segment.theta.shape) for k in (0, 1))
-        noisy = replace(segment, theta=segment.theta + theta, tau=segment.tau + tau)
-        return replace(quiet, groups=(replace(group, segments=(noisy,)),))
-
-    still = prepared(quiet)
-    residual, link = still.residual(x), still.link_terms(x)
-    found = np.mean([np.mean((prepared(drawn()).residual(x) - residual) ** 2, axis=0) for _ in range(30)], 0)
-    block = still.signals.blocks[0]
-    steps = (block.segment.step * block.stride, block.segment.step)
-
-    def predicted(model: Layout, sharp: bool = sharp) -> np.ndarray:
-        ways = noise_paths(model, x[: model.size], link, sharp)
-        kernels = [noise_kernel(observer, *steps, way.derivatives, 0) for way in ways]
-        return paths_covariance(ways, kernels, noise, block.rows)[0].mean(axis=0).diagonal()
-
-    np.testing.assert_allclose(found, predicted(layout), rtol=0.08)
-    if effect:  # and it matters
-        assert predicted(Layout(robot.joints))[0] > 1.15 * found[0]
-    if effect == "joint_damping":
-        assert np.all(np.abs(found - predicted(layout)) < 0.5 * np.abs(found - predicted(layout, not sharp)))
 
 
 def test_order_of_joints_does_not_matter():

@@ -78,10 +78,10 @@ def test_parts_of_a_record_have_the_pulses_that_reach_them(monkeypatch: pytest.M
     start = equation.signals.time[0]
     times, sizes = start + np.arange(0.0, 3.2, 0.01), 1.0 + np.arange(320) % 5
     monkeypatch.setattr(reversal_nuisance, "undecided", lambda *_: (times, sizes))
-    whole = {one.block: one for one in pulses(point, x, chain)}
+    whole = {one.block: one for one in pulses(point, x, point.link_terms(x))}
     monkeypatch.setattr(reversal_nuisance, "LONGEST", 3.0)
     monkeypatch.setattr(reversal_nuisance, "PART", 1.5)
-    found = pulses(point, x, chain)
+    found = pulses(point, x, point.link_terms(x))
     assert len({one.block for one in found}) == len(whole) == 3
     for index, block in enumerate(equation.signals.blocks):
         time = equation.signals.time[block.rows]

@@ -114,17 +114,25 @@ def test_parts_of_a_long_stretch() -> None:
         assert np.ptp([p.stop - p.start for p in parts]) <= 1
 
 
-def test_a_pulse_is_what_friction_would_have_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "elastic, values", [("", 0.0), ("joint_damping", 20.0), ("stiffness_hardening", 2e5)]
+)
+@pytest.mark.parametrize("sharp", [False, True])
+def test_a_pulse_is_what_friction_would_have_to_be(
+    monkeypatch: pytest.MonkeyPatch, elastic: str, values: float, sharp: bool
+) -> None:
     """Friction that is higher by one standard deviation during one fine sample moves r by its column."""
-    equation, x = at_the_truth({COULOMB: (2.0,), OFFSET: (1.0,)}, 8.0, 1.2)
+    hidden: Any = {COULOMB: (2.0,), OFFSET: (1.0,)}
+    equation, x = at_the_truth(hidden | ({(elastic, 1): (values,)} if elastic else {}), 8.0, 1.2)
+    equation = Equation(equation.robot, replace(equation.signals, sharp=sharp), equation.layout)
     point, coulomb = equation.at(x), EFFECTS["coulomb_friction"]
     assert isinstance(coulomb, LinearEffect)
-    found = pulses(point, x, total(equation, x))
+    found = pulses(point, x, point.link_terms(x))
     assert [(p.block, p.begin, p.rows.start) for p in found] == [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
     plain, before = coulomb.columns, point.residual(x)
     none = x.copy()
     none[equation.layout.effect_start :] = 0.0
-    assert pulses(equation.at(none), none, total(equation, none)) == []
+    assert pulses(equation.at(none), none, equation.at(none).link_terms(none)) == []
     for one in found[:2]:
         rows = equation.signals.blocks[one.block].rows
         motion = point.context.motions(1)[one.block]
@@ -188,7 +196,7 @@ def test_an_unknown_initial_state_is_projected_out() -> None:
         )
     np.testing.assert_allclose(alone.residual(x), again, atol=1e-9 * np.abs(again).max())  # without J
     assert len(alone._initial or []) == 3 and RIDGE == 0.01
-    pulsed = pulses(point, x, chain)
+    pulsed = pulses(point, x, point.link_terms(x))
     for one in pulsed:
         motions = [point.context.motions(j)[one.block] for j in (0, 1)]
         many = [len(undecided(law(e.effect), m, v)[0]) for (e, v), m in zip(effects, motions, strict=True)]
@@ -346,7 +354,7 @@ def test_a_state_is_unknown_at_the_beginning_only(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(reversal_nuisance, "LONGEST", 3.0)
     monkeypatch.setattr(reversal_nuisance, "PART", 2.0)
     monkeypatch.setattr(reversal_nuisance, "undecided", lambda *_: (np.zeros(0), np.zeros(0)))
-    found = pulses(equation.at(x), x, total(equation, x))
+    found = pulses(equation.at(x), x, equation.at(x).link_terms(x))
     assert [(p.block, p.rows.start, p.columns.shape[2]) for p in found] == [(0, 0, 1), (1, 0, 1), (2, 0, 1)]
 
 

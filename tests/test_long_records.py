@@ -134,13 +134,12 @@ def test_the_pulses_of_a_long_stretch_take_memory_with_its_length(
     layout, x = x_of(context)
     two_band = context.two_band.with_layout(layout)
     here = two_band.evaluate(x)
-    chain = context.chain(context.fit(layout, x, iterations=0))
     whiteners = two_band.whiteners(x, here.link)
 
     def found() -> tuple[list[Pulses], np.ndarray]:
         weightings = two_band.weightings(here, whiteners)
         white = [w.apply(here.residual[b.rows]) for w, b in zip(weightings, two_band.blocks, strict=True)]
-        return pulses(here.wide_point, x, chain), np.concatenate(white)
+        return pulses(here.wide_point, x, here.link), np.concatenate(white)
 
     whole, white = found()
     monkeypatch.setattr(reversal_nuisance, "LONGEST", 6.0)

@@ -304,7 +304,7 @@ def difference(one: BandwidthData, other: BandwidthData) -> Transfer:
 def slow_noise(band: BandwidthData, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
     """Standard deviation of the low-passed residual due to measurement noise, shape (n,) [Nm]."""
     link = band.equation.at(x).link_terms(x)
-    paths = noise_paths(band.equation.layout, x, link, band.signals.sharp)
+    paths = noise_paths(band.equation.layout, x, link)
     noise = segments_noise([b.segment for b in band.signals.blocks])
     hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)
     total = 0.0

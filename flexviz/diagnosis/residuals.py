@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.cross_validation import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.equation import Chain, Pulses, pulses
+from flexviz.equation import Pulses, pulses
 from flexviz.estimation import (
     ESTIMATION,
     NoisePath,
@@ -79,9 +79,8 @@ def _of_groups(fit: Fit, data: TwoBandData, point: Point) -> JointResiduals:
     residual = wide.residual(fit.x)
     paths = noise_paths(fit.layout, fit.x, point.link)
     whiteners = two_band.joint_whiteners(paths)
-    chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.link)
     unknown: list[list[Pulses]] = [[] for _ in blocks]
-    for part in pulses(wide, fit.x, chain):
+    for part in pulses(wide, fit.x, point.link):
         unknown[part.block].append(part)
 
     def settled(at: tuple[int, int]) -> tuple[Array, Array]:

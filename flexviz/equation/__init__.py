@@ -1,6 +1,7 @@
 """The identification equation: signals in, residual and Jacobian out."""
 
 from flexviz.equation.chain import Chain
+from flexviz.equation.elasticity import local_compliance, time_constants
 from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
@@ -23,6 +24,8 @@ __all__ = [
     "build_signals",
     "equation_stride",
     "layout_of",
+    "local_compliance",
     "pulses",
+    "time_constants",
     "viscous_scale",
 ]

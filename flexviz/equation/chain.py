@@ -13,7 +13,13 @@ Array = NDArray[np.float64]
 
 
 class Chain:
-    """Change of r with s or q at given rigid-body terms."""
+    """Change of r with s or q at given rigid-body terms.
+
+    Args:
+        compliance: shape (n,), or (N, n) of joints whose compliance changes with the load [rad/Nm].
+        link_viscous: shape (n,) [Nm s/rad].
+        link: rigid-body terms at N samples.
+    """
 
     def __init__(self, compliance: Array, link_viscous: Array, link: LinkTerms) -> None:
         self._compliance = compliance
@@ -24,6 +30,8 @@ class Chain:
         """The same for some of the samples."""
         part = copy(self)
         part._dq, part._mass, part._damping = self._dq[rows], self._mass[rows], self._damping[rows]
+        if self._compliance.ndim == 2:
+            part._compliance = self._compliance[rows]
         return part
 
     def deflection(self, lost: Array, j: int) -> Array:
@@ -34,9 +42,12 @@ class Chain:
             + self._mass[:, :, j] * lost[2][:, None]
         )
 
-    def torque(self, u: Array, j: int) -> Array:
-        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
-        out = -self.deflection(self._compliance[j] * u, j)
+    def torque(self, u: Array, j: int, bends: Array | None = None) -> Array:
+        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n).
+
+        `bends`: what bends the joint instead, if it follows later than u.
+        """
+        out = -self.deflection(self._compliance[..., j] * (u if bends is None else bends), j)
         out[:, j] -= u[0]
         return out
 

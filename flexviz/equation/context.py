@@ -15,7 +15,7 @@ from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics
 from flexviz.equation.motions import WideMotions
 from flexviz.equation.signals import Signals
-from flexviz.observers import largest_divisor
+from flexviz.observers import ButterworthZeroPhase, largest_divisor
 from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
@@ -177,15 +177,22 @@ class EffectContext:
         return values[:, self._signals.kept(block)].transpose(2, 0, 1)
 
     def pulses_block(
-        self, index: int, at: NDArray[np.intp], joint: int, depth: int, rows: slice = slice(None)
+        self,
+        index: int,
+        at: NDArray[np.intp],
+        joint: int,
+        depth: int,
+        rows: slice = slice(None),
+        lag: float = 0.0,
     ) -> Array:
         """Filtered unit samples at fine instants `at` (M,) of one stretch, shape (M, depth, N_rows).
 
-        Looked up in the filter's impulse response; `rows`: samples of the stretch, default: all.
+        Looked up in the filter's impulse response; `rows`: samples of the stretch, default: all; `lag`: of
+        what bends a joint with this time constant D/K [s].
         """
-        kernel, reach = self._impulse(joint, self.fine()[index].step)
-        lag = np.clip(self._sampled(index)[None, rows] - at[:, None], -reach - 1, reach + 1)
-        return kernel[:depth, lag + reach + 1].transpose(1, 0, 2)
+        kernel, reach = self._impulse(joint, self.fine()[index].step, lag)
+        since = np.clip(self._sampled(index)[None, rows] - at[:, None], -reach - 1, reach + 1)
+        return kernel[:depth, since + reach + 1].transpose(1, 0, 2)
 
     def steps_block(self, index: int, instants: Array, joint: int) -> Array:
         """Unit steps at `instants` (M,) [s] of one stretch, filtered: shape (M, N_block)."""
@@ -205,14 +212,26 @@ class EffectContext:
         time = self._signals.time[self._signals.blocks[index].rows]
         return np.round((time - fine.time[0]) / fine.step).astype(int)
 
-    def _impulse(self, joint: int, step: float) -> tuple[Array, int]:
-        """Three derivatives of the filter's impulse response on the fine grid, and its half-length."""
+    def _impulse(self, joint: int, step: float, lag: float = 0.0) -> tuple[Array, int]:
+        """Three derivatives of the filter's impulse response on the fine grid, and its half-length.
+
+        `lag`: of the torque that bends a joint with this time constant [s].
+        """
         observer = self._signals.observer_of(joint)
         key = ("impulse", observer.name, float(np.max(observer.bandwidth)), round(step, 9))
+        if lag:  # to about one per cent
+            seen = float(self.seen()[joint])
+            key = (*key, round(100 * np.log(lag)), round(100 * np.log(max(seen, 1e-3))))
         if key not in self._shared:
             reach = int(np.ceil(max(observer.settling()) / step))
             unit = np.zeros((4 * reach + 1, 1))
             unit[2 * reach] = 1.0
+            if lag:
+                late = unit - low_passed(unit, lag, step)  # an effect sees it as `WideMotions` makes it
+                own = (
+                    ButterworthZeroPhase(seen).derivatives(late, step, 1)[0] if seen else np.zeros_like(late)
+                )
+                unit = unit - own - observer.derivatives(late - own, step, 1)[0]
             kernel = observer.derivatives(unit, step, 3)[:, reach : 3 * reach + 1, 0]
             self._shared[key] = np.pad(kernel, ((0, 0), (1, 1))), reach
         return self._shared[key]
@@ -221,10 +240,19 @@ class EffectContext:
 
     def fine(self) -> list[FineSignals]:
         """Wide-band signals of every block."""
+        return fine_signals(self._signals, self._fine_bands(), self._shared)
+
+    def seen(self) -> Array:
+        """Band in which effects see the transmission torque beside the observer's, shape (n,) [rad/s]."""
+        if not self._signals.sharp:
+            return np.zeros(self._layout.n)
+        return 2 * np.pi * np.min(self._fine_bands().narrow, axis=0)
+
+    def _fine_bands(self) -> FineBands:
         if self._bands is None:
             inertia, stiffness = self._x[self._layout.motor_inertia], 1 / self._x[self._layout.compliance]
             self._bands = fine_bands(self._signals, inertia, stiffness, self._shared)
-        return fine_signals(self._signals, self._bands, self._shared)
+        return self._bands
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         if joint not in self._motions:
@@ -238,3 +266,9 @@ class EffectContext:
         if self._at is None or self._at.fine is not fine:
             self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
         return self._at
+
+
+def low_passed(values: Array, lag: float, step: float) -> Array:
+    """Samples (N, …) that end with zeros, through 1/(1 + lag d/dt); `step` between samples [s]."""
+    omega = 2 * np.pi * np.fft.rfftfreq(len(values), step)
+    return np.fft.irfft(np.fft.rfft(values.T) / (1 + 1j * omega * lag), len(values)).T

@@ -24,17 +24,20 @@ class LinkTerms:
         dv: shape (N, n, n), ∂(YΓ)/∂q̇ [Nm s/rad].
         mass: shape (N, n, n), M(q) [kg m²].
         torque: shape (N, n), transmission torque of the joints [Nm]; None if it is not known.
+        seen: shape (n,) [rad/s], band in which effects see that torque, beside the observer's; None for all
+            frequencies.
     """
 
     dq: Array
     dv: Array
     mass: Array
     torque: Array | None = None
+    seen: Array | None = None
 
     def rows(self, rows: slice) -> LinkTerms:
         """The same at some of the samples."""
         torque = None if self.torque is None else self.torque[rows]
-        return LinkTerms(self.dq[rows], self.dv[rows], self.mass[rows], torque)
+        return LinkTerms(self.dq[rows], self.dv[rows], self.mass[rows], torque, self.seen)
 
 
 class LinkDynamics:

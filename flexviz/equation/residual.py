@@ -212,7 +212,12 @@ class OperatingPoint:
         """The rigid-body terms at x."""
         s, q = self.motor_side(x)
         link = self.equation.link.evaluate(self._bodies(x), *q, gravity=self._gravity(x))
-        return replace(link, torque=s[0].copy())
+        return self._with_torque(link, s[0])
+
+    def _with_torque(self, link: LinkTerms, torque: Array) -> LinkTerms:
+        """The rigid-body terms, with what effects see of the transmission torque (N, n)."""
+        elastic = any(EFFECTS[e.effect].absorbed_by_stiffness for e in self.layout.effects)
+        return replace(link, torque=torque.copy(), seen=self.context.seen() if elastic else None)
 
     def residual(self, x: Array) -> Array:
         """Residual alone at x, shape (N, n) [Nm]; three times faster than with the Jacobian."""
@@ -246,7 +251,7 @@ class OperatingPoint:
         jacobian = np.zeros((self.signals.count, lay.n, lay.size))
         regressor = jacobian[:, :, lay.inertial]
         link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
-        link = replace(link, torque=s[0].copy())
+        link = self._with_torque(link, s[0])
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
             residual[rows] -= regressor[rows] @ parameters.ravel()

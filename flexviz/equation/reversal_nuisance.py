@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.chain import Chain
+from flexviz.equation.elasticity import local_compliance, time_constants
+from flexviz.equation.link import LinkTerms
 from flexviz.equation.residual import OperatingPoint
 
 Array = NDArray[np.float64]
@@ -55,15 +57,17 @@ class Pulses:
     columns: Array
 
 
-def pulses(point: OperatingPoint, x: Array, chain: Chain) -> list[Pulses]:
-    """The pulses of every stretch that has some, for the rigid-body terms in `chain`."""
+def pulses(point: OperatingPoint, x: Array, link: LinkTerms) -> list[Pulses]:
+    """The pulses of every stretch that has some, for given rigid-body terms."""
+    compliance = local_compliance(point.layout, x, link.torque)
+    chain, lags = Chain(compliance, x[point.layout.link_viscous], link), time_constants(point.layout, x)
     found: dict[tuple[int, int], list[Pulses]] = {}
     for effect, where in point.layout.effect_slices():
         law, joint = EFFECTS[effect.effect], effect.joint
         if not isinstance(law, LawEffect) or joint is None or not np.any(x[where]):
             continue
         for index, motion in enumerate(point.context.motions(joint)):
-            for one in _of_stretch(point, index, law, joint, motion, x[where], chain):
+            for one in _of_stretch(point, index, law, joint, motion, x[where], chain, float(lags[joint])):
                 found.setdefault((index, one.rows.start), []).append(one)
     return [
         replace(same[0], columns=np.concatenate([one.columns for one in same], axis=2))
@@ -79,8 +83,9 @@ def _of_stretch(
     motion: JointMotion,
     values: Array,
     chain: Chain,
+    lag: float,
 ) -> Iterator[Pulses]:
-    """The pulses of one effect in each part of a stretch that has some."""
+    """The pulses of one effect in each part of a stretch that has some; `lag` is the joint's D/K [s]."""
     block = point.signals.blocks[index]
     time = point.signals.time[block.rows]
     step, fine = time[1] - time[0], motion.step
@@ -102,6 +107,11 @@ def _of_stretch(
             continue
         part = chain.rows(slice(block.rows.start + begin, block.rows.start + rows.stop))
         columns = [part.column(law.entry, (joint,), one[:, :, None]) for one in filtered]
+        if lag and law.entry == "torque":  # a damped joint bends later
+            bends = point.context.pulses_block(index, at, joint, law.depth, seen, lag)
+            bends *= (sizes[there] / fine)[:, None, None]
+            for k, late in enumerate(bends):
+                columns[k] = part.torque(filtered[k], joint, late)
         yield Pulses(index, rows, begin, np.stack(columns, axis=2))
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
-from flexviz.equation import Layout, LinkTerms
-from flexviz.observers import Observer
+from flexviz.equation import Layout, LinkTerms, local_compliance, time_constants
+from flexviz.observers import ButterworthZeroPhase, Observer
 
 Array = NDArray[np.float64]
 Transfer = Callable[[Array, int], Array]  # (ω, k) → complex gain to the k-th derivative
@@ -26,15 +26,15 @@ class NoiseDerivatives:
     Attributes:
         orders: shape (D,), order of each derivative.
         lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
-        again: what a damped joint lags behind a spring is filtered once more, like every effect that sees
-            filtered signals only.
-        alone: only through the sensitivity of a damped joint, times 1/(1 + iω·lag)².
+        seen: [rad/s], band in which effects see the transmission torque beside the observer's: what a
+            damped joint lags behind a spring is filtered like that torque, and once more.
+        alone: how many of them, the last ones, pass through an effect only, times 1/(1 + iω·lag)².
     """
 
     orders: tuple[int, ...]
     lags: tuple[float, ...]
-    again: bool = False
-    alone: bool = False
+    seen: float = np.inf
+    alone: int = 0
 
     @classmethod
     def plain(cls, count: int) -> NoiseDerivatives:
@@ -43,16 +43,27 @@ class NoiseDerivatives:
 
     def gains(self, transfer: Transfer, omega: Array) -> Sequence[NDArray[np.inexact]]:
         """Complex gains from the raw samples to each of the D derivatives, shape (F,) each."""
-        again: NDArray[np.inexact] | float = transfer(omega, 0) if self.again else 1.0
-        out = []
-        for order, lag in zip(self.orders, self.lags, strict=True):
+        torque = self._seen_torque(transfer, omega)
+        out, first_alone = [], len(self.orders) - self.alone
+        for k, (order, lag) in enumerate(zip(self.orders, self.lags, strict=True)):
             gain = transfer(omega, order)
-            if self.alone:
-                gain = gain * again / (1 + 1j * omega * lag) ** 2
+            if k >= first_alone:
+                gain = gain * torque / (1 + 1j * omega * lag) ** 2
             elif lag:
-                gain = gain * (1 - again * (1 - 1 / (1 + 1j * omega * lag)))
+                gain = gain * (1 - torque * (1 - 1 / (1 + 1j * omega * lag)))
             out.append(gain)
         return out
+
+    def _seen_torque(self, transfer: Transfer, omega: Array) -> NDArray[np.inexact] | float:
+        """Gain from the transmission torque to what effects see of it.
+
+        That is the torque in its own band, where what it lacks in the observer's band is added
+        (`flexviz.equation.motions`).
+        """
+        if not (any(self.lags) or self.alone) or self.seen == np.inf:
+            return 1.0
+        own = ButterworthZeroPhase(self.seen).transfer(omega, 0) if self.seen else 0.0
+        return own + transfer(omega, 0) * (1 - own)
 
 
 @dataclass(frozen=True)
@@ -92,69 +103,56 @@ class NoisePath:
         return noise[self.sensor][self.joints] ** 2
 
 
-def time_constants(layout: Layout, x: Array) -> Array:
-    """D/K of the damped joints, 0 of the others, shape (n,) [s]."""
-    out = np.zeros(layout.n)
-    for effect, where in layout.effect_slices():
-        law = EFFECTS[effect.effect]
-        if law.damps_deflection and effect.joint is not None:
-            out[effect.joint] = law.time_constant(x[where], x[layout.compliance][effect.joint])
-    return out
-
-
-def local_compliance(layout: Layout, x: Array, torque: Array | None) -> Array:
-    """∂δ/∂s of the joints under a transmission torque (N, n) [Nm]: shape (N, n), or (n,) if it is constant.
-
-    Args:
-        layout, x: the model, x of shape (P,).
-        torque: None where it is not known: joints count as linear.
-    """
-    own = x[layout.compliance]
-    bent = None
-    for effect, where in layout.effect_slices():
-        j, law = effect.joint, EFFECTS[effect.effect]
-        if torque is None or j is None:
-            continue
-        share = law.softness(x[where], torque[:, j], float(own[j]))
-        if not isinstance(share, float):
-            bent = np.tile(own, (len(torque), 1)) if bent is None else bent
-            bent[:, j] *= share
-    return own if bent is None else bent
-
-
-def noise_paths(layout: Layout, x: Array, link: LinkTerms, sharp: bool = True) -> list[NoisePath]:
+def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
     """All paths of the sensor noise into the residual, from the rigid-body terms at N samples.
 
-    `sharp`: effects see signals beyond the observer's band (`Signals.sharp`).
-
     A damped joint, K δ + D δ̇ = s, low-passes the noise of s with the time constant D/K: hardly any noise
-    reaches the deflection at the high frequencies that its second derivative amplifies.
+    reaches the deflection at the high frequencies that its second derivative amplifies. What a spring whose
+    compliance changes with the load bends differently from a linear one follows from the torque that effects
+    see.
     """
-    direct, elastic = signal_sensitivity(layout, x, link, local_compliance(layout, x, link.torque))
-    lag = time_constants(layout, x)
+    compliance, lag = local_compliance(layout, x, link.torque), time_constants(layout, x)
+    direct, elastic = signal_sensitivity(layout, x, link, compliance)
+    share = compliance / x[layout.compliance] if compliance.ndim == 2 else None
     return [
-        path_through(sensor, joints, direct[sensor], elastic[sensor], float(lag[joints[0]]), sharp)
-        for sensor, joints in _kinds(lag)
-    ]
+        path_through(
+            sensor, joints, direct[sensor], elastic[sensor], float(lag[joints[0]]), link.seen,
+            None if share is None else share[:, joints[0]],
+        )
+        for sensor, joints in _kinds(layout)
+    ]  # fmt: skip
 
 
 def path_through(
-    sensor: int, joints: NDArray[np.intp], direct: Array, elastic: Array, lag: float, sharp: bool = True
+    sensor: int,
+    joints: NDArray[np.intp],
+    direct: Array,
+    elastic: Array,
+    lag: float,
+    seen: Array | None,
+    share: Array | None = None,
 ) -> NoisePath:
-    """Path of the sensors of joints with the same time constant D/K [s].
+    """Path of the sensors of joints that are linear springs, or of one that is damped or nonlinear.
 
     Args:
         sensor: THETA or TAU.
         joints: shape (m,).
         direct, elastic: parts of the sensitivity of this sensor (`signal_sensitivity`), shape (D, N, n, n).
-        lag: the time constant; 0 without damping.
-        sharp: as for `noise_paths`.
+        lag: time constant D/K [s]; 0 without damping.
+        seen: as in `LinkTerms`.
+        share: shape (N,), compliance under the load relative to that without; None or 1 if it is constant.
     """
     mine, through = direct[..., joints], elastic[..., joints]
-    plain = NoiseDerivatives.plain(len(direct))
-    if lag == 0.0:
+    plain, depth = NoiseDerivatives.plain(len(direct)), len(direct)
+    band = np.inf if seen is None else float(seen[joints[0]])
+    if lag:
+        derivatives = NoiseDerivatives(plain.orders * 2, plain.lags + (lag,) * depth, band)
+    elif share is not None and np.any(share != 1.0):
+        linear = through / share[:, None, None]
+        mine, through = mine + linear, through - linear
+        derivatives = NoiseDerivatives(plain.orders * 2, plain.lags * 2, band, depth)
+    else:
         return NoisePath(sensor, joints, mine + through, plain)
-    derivatives = NoiseDerivatives(plain.orders * 2, plain.lags + (lag,) * len(direct), again=not sharp)
     return NoisePath(sensor, joints, np.concatenate((mine, through)), derivatives)
 
 
@@ -172,7 +170,7 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
     _, elastic = signal_sensitivity(layout, x, link, np.ones(layout.n))
     damping = {e.joint: at.start for e, at in layout.effect_slices() if EFFECTS[e.effect].damps_deflection}
     out = []
-    for sensor, joints in _kinds(lag):
+    for sensor, joints in _kinds(layout):
         plain = NoiseDerivatives.plain(DEPTH[sensor])
         spring = NoisePath(sensor, joints, elastic[sensor][..., joints], plain)
         out.append((layout.compliance.start + joints, spring))
@@ -180,7 +178,8 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
             one, compliance = np.array([j]), x[layout.compliance][j]
             matrices = -(compliance**2) * elastic[sensor][..., one]
             higher, delay = tuple(k + 1 for k in plain.orders), (float(lag[j]),) * DEPTH[sensor]
-            path = NoisePath(sensor, one, matrices, NoiseDerivatives(higher, delay, alone=True))
+            band = np.inf if link.seen is None else float(link.seen[j])
+            path = NoisePath(sensor, one, matrices, NoiseDerivatives(higher, delay, band, len(higher)))
             out.append((np.array([damping[j]]), path))
     return out
 
@@ -217,11 +216,13 @@ def noise_density(
     return 2 * step * total
 
 
-def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
-    """(sensor, joints) with a common noise path: all undamped joints together, each damped joint alone."""
-    plain = np.flatnonzero(lag == 0.0)
+def _kinds(layout: Layout) -> list[tuple[int, NDArray[np.intp]]]:
+    """(sensor, joints) with a common noise path: those that are linear springs together, each other alone."""
+    elastic = (e.joint for e in layout.effects if EFFECTS[e.effect].absorbed_by_stiffness)
+    other = {j for j in elastic if j is not None}
+    plain = np.array([j for j in range(layout.n) if j not in other], int)
     kinds = [plain] if plain.size else []
-    kinds += [np.array([j]) for j in np.flatnonzero(lag)]
+    kinds += [np.array([j]) for j in sorted(other)]
     return [(sensor, joints) for sensor in range(len(DEPTH)) for joints in kinds]
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import (
-    Chain,
     Equation,
     Layout,
     LinkTerms,
@@ -19,15 +18,11 @@ from flexviz.equation import (
     Signals,
     build_signals,
     pulses,
+    time_constants,
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, NoiseModel, WeightingSettings
-from flexviz.estimation.noise_propagation import (
-    NoisePath,
-    instrument_paths,
-    noise_paths,
-    time_constants,
-)
+from flexviz.estimation.noise_propagation import NoisePath, instrument_paths, noise_paths
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.unknown_input import UnknownInput
 from flexviz.estimation.whitening import (
@@ -239,8 +234,7 @@ class TwoBandData:
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
         """One weighting per block: the whitener and the nuisance pulses at reversals."""
         x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
-        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], evaluation.link)
-        for unknown in pulses(evaluation.wide_point, x, chain):
+        for unknown in pulses(evaluation.wide_point, x, evaluation.link):
             before = out[unknown.block]
             out[unknown.block] = before.with_unknown(unknown.columns, unknown.rows, unknown.begin)
         return out
@@ -289,7 +283,7 @@ def residual_noise(
 ) -> Array:
     """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²]."""
     total = np.zeros(layout.n)
-    for whole in noise_paths(layout, x, link, signals.sharp):
+    for whole in noise_paths(layout, x, link):
         for path, observer in whole.by_bandwidth(signals.observer):
             for block in signals.blocks:
                 raw = block.segment.step

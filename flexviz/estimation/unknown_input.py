@@ -14,15 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Layout, LinkTerms
-from flexviz.estimation.noise_propagation import (
-    TAU,
-    NoisePath,
-    local_compliance,
-    path_through,
-    signal_sensitivity,
-    time_constants,
-)
+from flexviz.equation import Layout, LinkTerms, local_compliance, time_constants
+from flexviz.estimation.noise_propagation import TAU, NoisePath, path_through, signal_sensitivity
 
 Array = NDArray[np.float64]
 
@@ -61,4 +54,4 @@ class UnknownInput:
             direct = np.zeros_like(direct)
         if self.side == "link":
             elastic, lag = np.zeros_like(elastic), 0.0
-        return path_through(TAU, np.array([self.joint]), direct, elastic, lag)
+        return path_through(TAU, np.array([self.joint]), direct, elastic, lag, link.seen)

@@ -62,7 +62,7 @@ class ResidualPreview:
         equation = self._equation(ButterworthZeroPhase(SEEN))
         link = equation.at(self._x).link_terms(self._x)
         every = slice(None, None, max(1, equation.signals.count // FLOOR_SAMPLES))
-        paths = noise_paths(self._layout, self._x, link, equation.signals.sharp)
+        paths = noise_paths(self._layout, self._x, link)
         self._paths = [path.rows(every) for path in paths]
         self._noise = segments_noise(list(group.segments))
 
