@@ -1,12 +1,14 @@
-"""An effect of the library at the place of what seemed to be an unknown law.
+"""Effects of the library at the place of what seemed to be an unknown law.
 
 A fit without an effect may end so far from the truth that no effect is found from there: a stiffness that has
 run away hides backlash. Beside an arbitrary torque at its place (`unknown_place`) the parameters are not
-biased, and from them such an effect explains everything, or nearly so if a second one acts there. What only
-resembles it leaves much more.
+biased, and from them such an effect, or two that act there, explain nearly everything. What only resembles
+them leaves much more.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
@@ -28,36 +30,59 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.search
 
 
-def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep | None:
-    """The effect that explains nearly all that a fit leaves, added to it; None if there is none.
+def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[SearchStep]:
+    """The effect that explains nearly all that a fit leaves, added to it, or two that do; empty if none do.
 
     Args:
         search: rounds of the search.
         fit: the present model, from which the effect was not found.
         place: where an arbitrary torque explains everything.
     """
-    context = search.context
+    joint, needed = place.unknown.joint, THRESHOLDS.unknown_place
     try:
-        start = context.fit(place.layout, place.x, iterations=0, near=fit)
+        start = search.context.fit(place.layout, place.x, iterations=0, near=fit)
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
-        return None
-    joint = place.unknown.joint
-    every = candidates(fit.layout, context.measurements.groups)
-    there = [e for e in every if e.joint == joint and not is_episode(e)]
-    scores = search.scores(start, there)
+        return []
     search.say(stages.AT_PLACE.format(place.joint))
-    tried = {s.effect: s for s in scores.ranked[: THRESHOLDS.unknown_place.effects]}
+    first = _first(search, start, joint)
+    if first is None or first.after.objective > fit.objective:
+        return []
+    first = replace(first, before=fit)
+    if removed_share(start, first.after) >= needed.explained:
+        return [first]
+    second = _second(
+        search, first.after, joint, Gained.by_effects(first.after, search.context.without_effects(fit))
+    )
+    if second is None or removed_share(start, second.after) < needed.explained:
+        return []
+    return [first, second]
+
+
+def _there(search: Search, fit: Fit, joint: int) -> list[ChosenEffect]:
+    every = candidates(fit.layout, search.context.measurements.groups)
+    return [e for e in every if e.joint == joint and not is_episode(e)]
+
+
+def _first(search: Search, start: Fit, joint: int) -> SearchStep | None:
+    """The effect on a joint that explains most, if that is enough to try a second one."""
+    context, there = search.context, _there(search, start, joint)
+    scores = search.scores(start, there)
     ranked = {s.effect: s for s in scores.ranked}
+    tried = {s.effect: s for s in scores.ranked[: THRESHOLDS.unknown_place.effects]}
     for effect in there:
         if EFFECTS[effect.effect].absorbed_by_stiffness:  # their scores mean little
             tried[effect] = ranked.get(effect) or unscored(effect, start)
     trials = [(s, at) for s in tried.values() for at in starts(context, start, s)]
+    far = excess(start) > LIMITS.far_off
 
     def refit(at: ModelStart) -> tuple[Array, float]:
         found = search.fit_from(at, LIMITS.short_refit, near=start)
+        if far and not EFFECTS[at.layout.effects[-1].effect].absorbed_by_stiffness:
+            plain = ModelStart(at.layout, context.plain_fit(at.layout, at.x, search.check))
+            found = min(found, search.fit_from(plain, LIMITS.short_refit), key=excess)
         return found.x, excess(found)
 
-    most = LIMITS.explained_excess * excess(start)
+    most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(start)
     fitted = shared(refit, [at for _, at in trials])
     refitted = search.halving(
         [
@@ -66,9 +91,13 @@ def effect_at_place(search: Search, fit: Fit, place: UnknownPlace) -> SearchStep
             if left < most
         ]
     )
-    best = search.acceptable(start, refitted, Gained(0.0, np.zeros(fit.layout.n)))
-    if best is None or best.fit.objective > fit.objective:
-        return None
-    if removed_share(start, best.fit) < THRESHOLDS.unknown_place.explained:
-        return None
-    return SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
+    best = search.acceptable(start, refitted, Gained(0.0, np.zeros(start.layout.n)))
+    return best and SearchStep(start, best, Comparison(refitted).objectives, scores.shortened())
+
+
+def _second(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep | None:
+    """One more effect on a joint."""
+    scores = search.scores(fit, _there(search, fit, joint))
+    compared = search.refits(fit, scores, gained)
+    best = search.acceptable(fit, [r for r in compared.refitted if r.effect.joint == joint], gained)
+    return best and SearchStep(fit, best, compared.objectives, scores.shortened())

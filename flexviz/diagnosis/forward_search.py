@@ -14,7 +14,7 @@ from flexviz.diagnosis.acceptance import Gained, excess, exhausted, verdict
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, removed, unexplained
-from flexviz.diagnosis.effect_at_place import effect_at_place
+from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
 from flexviz.diagnosis.search import Search
@@ -204,10 +204,10 @@ class ForwardSearch:
         if self.searched_place is place:
             return
         self.searched_place, before = place, self.steps
-        step = effect_at_place(self.search, self.final, place)
-        if step is None:
+        steps = effects_at_place(self.search, self.final, place)
+        if not steps or (len(steps) > 1 and not self.apply):
             return
-        self.steps, complete = [*before, step], False
+        self.steps, complete = [*before, *steps], False
         try:
             if self.apply:
                 self.add_effects()
