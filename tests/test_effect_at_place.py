@@ -10,7 +10,7 @@ import pytest
 from flexviz.diagnosis import forward_search
 from flexviz.diagnosis.acceptance import excess
 from flexviz.diagnosis.comparison import SearchStep
-from flexviz.diagnosis.effect_at_place import effect_at_place
+from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
@@ -23,27 +23,28 @@ from tests.planar_arm import HELD_OUT, planar_set
 from tests.unknown_laws import Uneven, place_at, search_of, set_with, step_from
 
 HALF_WIDTH = 0.004
+PARAMETER = {"stiffness_hardening": "cubic_stiffness", "load_dependent_friction": "coefficient"}
 
 
-def found_at_place(measurements: MeasurementSet) -> SearchStep | None:
-    """The effect found on joint 2, from a fit whose stiffness has run away."""
+def found_at_place(measurements: MeasurementSet) -> list[SearchStep]:
+    """The effects found on joint 2, from a fit whose stiffness has run away."""
     layout = Layout(measurements.joints)
     context = FitContext(measurements, layout)
     x = context.fit(layout, context.start(layout).x).x
     x[layout.compliance.start + 1] *= 30
     astray = context.fit(layout, x, iterations=0)
     place = unknown_place(context, astray, lambda: None)
-    assert place is not None and place.complete and place.joint == "joint2"
-    step = effect_at_place(Search(context, lambda text: None), astray, place)
-    assert step is None or step.before is astray
-    return step
+    assert place is not None and place.joint == "joint2"
+    steps = effects_at_place(Search(context, lambda text: None), astray, place)
+    assert not steps or steps[0].before is astray
+    return steps
 
 
 def test_backlash_is_found_from_parameters_that_nothing_biases(tmp_path: Path) -> None:
     """Of several times the joint's deflection."""
     hidden = (f"backlash:joint2:half_width={HALF_WIDTH}",)
-    step = found_at_place(planar_set(tmp_path / "set", hidden, 7, groups=HELD_OUT))
-    assert step is not None and step.chosen.effect == ChosenEffect("backlash", 1)
+    (step,) = found_at_place(planar_set(tmp_path / "set", hidden, 7, groups=HELD_OUT))
+    assert step.chosen.effect == ChosenEffect("backlash", 1)
     fit = step.after
     assert fit.x[step.before.layout.size] == pytest.approx(HALF_WIDTH, rel=0.05)
     assert excess(fit) < 0.5
@@ -53,7 +54,17 @@ def test_backlash_is_found_from_parameters_that_nothing_biases(tmp_path: Path) -
 
 def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
     measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
-    assert found_at_place(measurements) is None
+    assert found_at_place(measurements) == []
+
+
+def test_two_effects_at_one_place_are_found_together(tmp_path: Path) -> None:
+    hidden = {"stiffness_hardening": 3e6, "load_dependent_friction": 0.01}
+    texts = [f"{name}:joint2:{PARAMETER[name]}={size}" for name, size in hidden.items()]
+    first, second = found_at_place(planar_set(tmp_path / "set", texts, 7, groups=HELD_OUT))
+    assert second.before is first.after and excess(second.after) < 0.5 < excess(first.after)
+    layout = second.after.layout
+    found = {e.effect: second.after.x[where][0] for e, where in layout.effect_slices()}
+    assert found == {name: pytest.approx(size, rel=0.05) for name, size in hidden.items()}
 
 
 @pytest.mark.parametrize(
@@ -91,12 +102,12 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
 
     step = step_from(base, ChosenEffect("cable_spring", 1)) if found is not None else None
 
-    def try_there(*_: object) -> SearchStep | None:
+    def try_there(*_: object) -> list[SearchStep]:
         asked.append("effect")
-        return step
+        return [step] if step else []
 
     monkeypatch.setattr(forward_search, "unknown_place", answer)
-    monkeypatch.setattr(forward_search, "effect_at_place", try_there)
+    monkeypatch.setattr(forward_search, "effects_at_place", try_there)
     monkeypatch.setattr(search, "add_effects", lambda: asked.append("more"))
     monkeypatch.setattr(
         forward_search, "verdict", lambda *_: "unknown" if found == "incomplete" else "missing"
@@ -118,7 +129,7 @@ def test_an_effect_that_is_only_being_tried_is_taken_back_if_the_user_stops(
 ) -> None:
     search = search_of(demo)
     step = step_from(search.base, ChosenEffect("cable_spring", 1))
-    monkeypatch.setattr(forward_search, "effect_at_place", lambda *_: step)
+    monkeypatch.setattr(forward_search, "effects_at_place", lambda *_: [step])
 
     def stopped() -> None:
         assert search.steps == [step]
@@ -127,4 +138,15 @@ def test_an_effect_that_is_only_being_tried_is_taken_back_if_the_user_stops(
     monkeypatch.setattr(search, "add_effects", stopped)
     with pytest.raises(Interrupted):
         search.try_effects_at(place_at(1, search.base.layout))
+    assert search.steps == []
+
+
+def test_two_effects_are_not_the_answer_where_one_is_asked_for(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = search_of(demo)
+    search.apply = False
+    steps = [step_from(search.base, ChosenEffect(name, 1)) for name in ("cable_spring", "backlash")]
+    monkeypatch.setattr(forward_search, "effects_at_place", lambda *_: steps)
+    search.try_effects_at(place_at(1, search.base.layout))
     assert search.steps == []

@@ -197,7 +197,7 @@ def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
         return None if joint is None else place_at(joint, fit.layout, complete)
 
     monkeypatch.setattr(forward_search, "unknown_place", answer)
-    monkeypatch.setattr(forward_search, "effect_at_place", lambda *_: None)
+    monkeypatch.setattr(forward_search, "effects_at_place", lambda *_: [])
     search.find_place()
     assert search.steps == steps[:kept]
     # with effects left, the place is that of what is missing beside them; of use only if they are applied

@@ -196,7 +196,7 @@ class ForwardSearch:
         elif place is not None and not self.base.converged:
             self.replace_final(self.search.continued(self.base, LIMITS.last_refit))
         self.place = place
-        if place is not None and place.complete and (self.apply or not self.steps):
+        if place is not None and (self.apply or not self.steps):
             self.try_effects_at(place)
 
     def try_effects_at(self, place: UnknownPlace) -> None:
