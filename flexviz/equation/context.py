@@ -219,18 +219,16 @@ class EffectContext:
         """
         observer = self._signals.observer_of(joint)
         key = ("impulse", observer.name, float(np.max(observer.bandwidth)), round(step, 9))
-        if lag:  # to about one per cent
-            seen = float(self.seen()[joint])
-            key = (*key, round(100 * np.log(lag)), round(100 * np.log(max(seen, 1e-3))))
+        if lag:  # to one per cent, so that many fits share them
+            lag, seen = (np.exp(round(np.log(max(v, 1e-9)), 2)) for v in (lag, self.seen()[joint]))
+            key = (*key, lag, seen)
         if key not in self._shared:
             reach = int(np.ceil(max(observer.settling()) / step))
             unit = np.zeros((4 * reach + 1, 1))
             unit[2 * reach] = 1.0
             if lag:
                 late = unit - low_passed(unit, lag, step)  # an effect sees it as `WideMotions` makes it
-                own = (
-                    ButterworthZeroPhase(seen).derivatives(late, step, 1)[0] if seen else np.zeros_like(late)
-                )
+                own = ButterworthZeroPhase(seen).derivatives(late, step, 1)[0] if seen > 1e-3 else 0.0 * late
                 unit = unit - own - observer.derivatives(late - own, step, 1)[0]
             kernel = observer.derivatives(unit, step, 3)[:, reach : 3 * reach + 1, 0]
             self._shared[key] = np.pad(kernel, ((0, 0), (1, 1))), reach
