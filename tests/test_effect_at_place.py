@@ -52,6 +52,15 @@ def test_backlash_is_found_from_parameters_that_nothing_biases(tmp_path: Path) -
     assert step.scores is not None and {s.effect.joint for s in step.scores.ranked} == {1}
 
 
+def test_a_contact_is_found_there(tmp_path: Path) -> None:
+    """In one group, for a while."""
+    hidden = ("external_contact:joint2:group=t1p1:torque=8:start=2.2:end=3.1",)
+    (step,) = found_at_place(planar_set(tmp_path / "set", hidden, 7, groups=HELD_OUT))
+    assert step.chosen.effect == ChosenEffect("external_contact", 1, "t1p1")
+    assert step.after.x[-3:] == pytest.approx([8.0, 2.2, 3.1], rel=0.002)
+    assert excess(step.after) < 0.5
+
+
 def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
     measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
     assert found_at_place(measurements) == []

@@ -69,3 +69,30 @@ def test_what_scores_hide_is_compared_with_a_leader_that_leaves_more_than_noise(
     compared = search.rivals(fit, RefittedCandidate(tilt, leader), [])
     others = {r.effect for r in compared.refitted} - {tilt.effect}
     assert {e.effect for e in others} == tried and all(e.joint == 0 for e in others)
+
+
+@pytest.mark.parametrize("left, tried", [(1.2, True), (100.0, False)])
+def test_near_the_noise_a_rival_may_be_close_at_the_present_model_only(
+    left: float, tried: bool, base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Load-dependent friction was ruled out at a viscous friction that a drive gain had moved."""
+    fit_context, fit = base
+    search = Search(fit_context, lambda _: None)
+    chi = np.array([left, 1.0])
+    fit = replace(fit, chi=chi, chi_held_out=chi, objective=fit.objective + 1000.0)
+    gain, friction = (
+        ScoredCandidate(ChosenEffect(name, 0), score, np.zeros(1), np.zeros(fit.point.r.size))
+        for name, score in (("torque_gain", 700.0), ("load_dependent_friction", 600.0))
+    )
+    quiet = np.ones(2)
+    leader = RefittedCandidate(
+        gain,
+        replace(
+            search.refit(fit, gain, 0).fit, chi=quiet, chi_held_out=quiet, objective=fit.objective - 1000.0
+        ),
+    )
+    at_leader = CandidateScores([gain, replace(friction, gain=10.0)], fit_context.projection(leader.fit))
+    monkeypatch.setattr(search, "scores", lambda *_: at_leader)
+    compared = search.rivals(fit, leader, [friction])
+    assert (friction.effect in {r.effect for r in compared.refitted}) == tried
+    assert (friction.effect in compared.ruled_out) != tried

@@ -22,7 +22,8 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS
+from flexviz.estimation import ScoredCandidate
 from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
@@ -58,19 +59,14 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     return [first, second]
 
 
-def _there(search: Search, fit: Fit, joint: int) -> list[ChosenEffect]:
-    every = candidates(fit.layout, search.context.measurements.groups)
-    return [e for e in every if e.joint == joint and not is_episode(e)]
-
-
 def _first(search: Search, start: Fit, joint: int) -> SearchStep | None:
     """The effect on a joint that explains most, if that is enough to try a second one."""
-    context, there = search.context, _there(search, start, joint)
-    scores = search.scores(start, there)
+    context = search.context
+    scores = search.scores(start, joint=joint)
     ranked = {s.effect: s for s in scores.ranked}
-    tried = {s.effect: s for s in scores.ranked[: THRESHOLDS.unknown_place.effects]}
-    for effect in there:
-        if EFFECTS[effect.effect].absorbed_by_stiffness:  # their scores mean little
+    tried = {s.effect: s for s in _leading(scores.ranked)}
+    for effect in candidates(start.layout, context.measurements.groups):
+        if effect.joint == joint and EFFECTS[effect.effect].absorbed_by_stiffness:  # scores mean little
             tried[effect] = ranked.get(effect) or unscored(effect, start)
     trials = [(s, at) for s in tried.values() for at in starts(context, start, s)]
     far = excess(start) > LIMITS.far_off
@@ -97,7 +93,14 @@ def _first(search: Search, start: Fit, joint: int) -> SearchStep | None:
 
 def _second(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep | None:
     """One more effect on a joint."""
-    scores = search.scores(fit, _there(search, fit, joint))
+    scores = search.scores(fit, joint=joint)
     compared = search.refits(fit, scores, gained)
     best = search.acceptable(fit, [r for r in compared.refitted if r.effect.joint == joint], gained)
     return best and SearchStep(fit, best, compared.objectives, scores.shortened())
+
+
+def _leading(ranked: list[ScoredCandidate]) -> list[ScoredCandidate]:
+    """The candidates with the best scores, and an episode that is among them."""
+    lasting = [s for s in ranked if not is_episode(s.effect)][: THRESHOLDS.unknown_place.effects]
+    least = lasting[-1].gain if lasting else 0.0
+    return [*lasting, *[s for s in ranked if is_episode(s.effect) and s.gain > least][:1]]

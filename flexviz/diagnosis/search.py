@@ -68,9 +68,13 @@ class Search:
     # -- scores
 
     def scores(
-        self, fit: Fit, only: Collection[ChosenEffect] | None = None, episodes: bool = True
+        self,
+        fit: Fit,
+        only: Collection[ChosenEffect] | None = None,
+        episodes: bool = True,
+        joint: int | None = None,
     ) -> CandidateScores:
-        """Scores of all candidates at a fit, or of those in `only`."""
+        """Scores of all candidates at a fit, or of those in `only`, or of those on a joint."""
         layout = fit.layout
         narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
         projection = self.context.projection(fit)
@@ -79,9 +83,12 @@ class Search:
         if only is not None:
             wanted = [e for e in wanted if e in only]
             episodes = any(map(is_episode, only))
+        if joint is not None:
+            wanted = [e for e in wanted if e.joint == joint]
         ranked = score_by_joint(
             narrow, self.context.chain(fit), wanted, weigh, projection, check=self.check,
             longest=LIMITS.longest_episode if episodes else None, without=layout.effects,
+            joints=None if joint is None else [joint],
         )  # fmt: skip
         return CandidateScores(ranked, projection)
 
@@ -229,7 +236,8 @@ class Search:
     def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:
         """The other candidates from the values of a leader that explains everything.
 
-        Only those are refitted that come close in closed form, at the leader's values without its effect.
+        Only those are refitted that come close in closed form, at the leader's values without its effect or,
+        near the noise, at the present model's: a load may depend much on values that the leader moves.
         """
         gain = max(fit.objective - leader.fit.objective, ACCEPTANCE.least_gain)
         tied = leader.fit.point.objective + max(EVIDENCE.tied_gain, EVIDENCE.tied_share * gain)
@@ -242,6 +250,8 @@ class Search:
         out, ruled_out = [], {}
         for s in close:
             left = all_of_it - gains.get(s.effect, 0.0)
+            if excess(fit) < LIMITS.hidden_excess:
+                left = min(left, leader.scored.gain - s.gain)
             deficit = there.point.r.size * float(np.log1p(max(left, 0.0) / there.point.r.size))
             linear = EFFECTS[s.effect.effect].linear and deficit > LIMITS.rival_deficit * gain
             if linear or left > LIMITS.close_alone * all_of_it:
