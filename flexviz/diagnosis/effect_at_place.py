@@ -45,58 +45,49 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return []
     search.say(stages.AT_PLACE.format(place.joint))
-    first = _first(search, start, joint)
+    nothing = Gained(0.0, np.zeros(start.layout.n))
+    first = _added(search, start, joint, (1 - needed.explained_first) * excess(start), nothing)
     if first is None or first.after.objective > fit.objective:
         return []
     first = replace(first, before=fit)
     if removed_share(start, first.after) >= needed.explained:
         return [first]
-    second = _second(
-        search, first.after, joint, Gained.by_effects(first.after, search.context.without_effects(fit))
-    )
+    gained = Gained.by_effects(first.after, search.context.without_effects(fit))
+    second = _added(search, first.after, joint, (1 - needed.explained_first) * excess(first.after), gained)
     if second is None or removed_share(start, second.after) < needed.explained:
         return []
     return [first, second]
 
 
-def _first(search: Search, start: Fit, joint: int) -> SearchStep | None:
-    """The effect on a joint that explains most, if that is enough to try a second one."""
+def _added(search: Search, fit: Fit, joint: int, most: float, gained: Gained) -> SearchStep | None:
+    """The effect on a joint that explains most, if a few iterations with it leave less excess than `most`."""
     context = search.context
-    scores = search.scores(start, joint=joint)
+    scores = search.scores(fit, joint=joint)
     ranked = {s.effect: s for s in scores.ranked}
     tried = {s.effect: s for s in _leading(scores.ranked)}
-    for effect in candidates(start.layout, context.measurements.groups):
+    for effect in candidates(fit.layout, context.measurements.groups):
         if effect.joint == joint and EFFECTS[effect.effect].absorbed_by_stiffness:  # scores mean little
-            tried[effect] = ranked.get(effect) or unscored(effect, start)
-    trials = [(s, at) for s in tried.values() for at in starts(context, start, s)]
-    far = excess(start) > LIMITS.far_off
+            tried[effect] = ranked.get(effect) or unscored(effect, fit)
+    trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
+    far = excess(fit) > LIMITS.far_off
 
     def refit(at: ModelStart) -> tuple[Array, float]:
-        found = search.fit_from(at, LIMITS.short_refit, near=start)
+        found = search.fit_from(at, LIMITS.short_refit, near=fit)
         if far and not EFFECTS[at.layout.effects[-1].effect].absorbed_by_stiffness:
             plain = ModelStart(at.layout, context.plain_fit(at.layout, at.x, search.check))
             found = min(found, search.fit_from(plain, LIMITS.short_refit), key=excess)
         return found.x, excess(found)
 
-    most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(start)
     fitted = shared(refit, [at for _, at in trials])
     refitted = search.halving(
         [
-            RefittedCandidate(s, search.fit_from(ModelStart(at.layout, x), 0, near=start))
+            RefittedCandidate(s, search.fit_from(ModelStart(at.layout, x), 0, near=fit))
             for (s, at), (x, left) in zip(trials, fitted, strict=True)
             if left < most
         ]
     )
-    best = search.acceptable(start, refitted, Gained(0.0, np.zeros(start.layout.n)))
-    return best and SearchStep(start, best, Comparison(refitted).objectives, scores.shortened())
-
-
-def _second(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep | None:
-    """One more effect on a joint."""
-    scores = search.scores(fit, joint=joint)
-    compared = search.refits(fit, scores, gained)
-    best = search.acceptable(fit, [r for r in compared.refitted if r.effect.joint == joint], gained)
-    return best and SearchStep(fit, best, compared.objectives, scores.shortened())
+    best = search.acceptable(fit, refitted, gained)
+    return best and SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
 
 
 def _leading(ranked: list[ScoredCandidate]) -> list[ScoredCandidate]:
