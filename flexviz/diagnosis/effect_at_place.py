@@ -45,22 +45,21 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return []
     search.say(stages.AT_PLACE.format(place.joint))
-    nothing = Gained(0.0, np.zeros(start.layout.n))
-    first = _added(search, start, joint, (1 - needed.explained_first) * excess(start), nothing)
+    first = _added(search, start, joint, Gained(0.0, np.zeros(start.layout.n)))
     if first is None or first.after.objective > fit.objective:
         return []
     first = replace(first, before=fit)
     if removed_share(start, first.after) >= needed.explained:
         return [first]
     gained = Gained.by_effects(first.after, search.context.without_effects(fit))
-    second = _added(search, first.after, joint, (1 - needed.explained_first) * excess(first.after), gained)
+    second = _added(search, first.after, joint, gained)
     if second is None or removed_share(start, second.after) < needed.explained:
         return []
     return [first, second]
 
 
-def _added(search: Search, fit: Fit, joint: int, most: float, gained: Gained) -> SearchStep | None:
-    """The effect on a joint that explains most, if a few iterations with it leave less excess than `most`."""
+def _added(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep | None:
+    """The effect on a joint that explains most of what a fit leaves; earlier effects gained `gained`."""
     context = search.context
     scores = search.scores(fit, joint=joint)
     ranked = {s.effect: s for s in scores.ranked}
@@ -78,6 +77,7 @@ def _added(search: Search, fit: Fit, joint: int, most: float, gained: Gained) ->
             found = min(found, search.fit_from(plain, LIMITS.short_refit), key=excess)
         return found.x, excess(found)
 
+    most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(fit)
     fitted = shared(refit, [at for _, at in trials])
     refitted = search.halving(
         [

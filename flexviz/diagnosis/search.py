@@ -83,8 +83,6 @@ class Search:
         if only is not None:
             wanted = [e for e in wanted if e in only]
             episodes = any(map(is_episode, only))
-        if joint is not None:
-            wanted = [e for e in wanted if e.joint == joint]
         ranked = score_by_joint(
             narrow, self.context.chain(fit), wanted, weigh, projection, check=self.check,
             longest=LIMITS.longest_episode if episodes else None, without=layout.effects,
@@ -247,10 +245,11 @@ class Search:
         again = self.scores(there, {leader.effect, *(s.effect for s in close)})
         gains = {s.effect: s.gain for s in reversed(again.ranked)}  # of an episode in its best stretch
         all_of_it = gains.get(leader.effect, 0.0)  # missing if none of its guesses is within its bounds there
+        near_noise = excess(fit) < LIMITS.hidden_excess
         out, ruled_out = [], {}
         for s in close:
             left = all_of_it - gains.get(s.effect, 0.0)
-            if excess(fit) < LIMITS.hidden_excess:
+            if near_noise:
                 left = min(left, leader.scored.gain - s.gain)
             deficit = there.point.r.size * float(np.log1p(max(left, 0.0) / there.point.r.size))
             linear = EFFECTS[s.effect.effect].linear and deficit > LIMITS.rival_deficit * gain

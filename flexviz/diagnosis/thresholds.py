@@ -124,7 +124,7 @@ class UnknownPlaceThresholds:
     # ... it explains this share of the excess: right ones at least 0.97 in the study with seed 79, those that
     # resembled another law at most 0.91
     explained: float = 0.95
-    explained_first: float = 0.5  # ... or, together with a second one, the first of them this share
+    explained_first: float = 0.5  # ... or, of two, the first this share, and the second this one of the rest
     told: int = 3  # parameters that a note compares at most, if the input changes them by ...
     told_deviations: float = 4.0  # ... this many standard errors ...
     told_share: float = (
