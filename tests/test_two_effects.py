@@ -23,14 +23,16 @@ LIMITS = THRESHOLDS.motion
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name",
+    ("seed", "name"),
     [
-        "pair-2r-032-motor_coupling+stribeck_friction",  # both at one place
-        "pair-2r-015-stribeck_friction+quadratic_friction",  # ends at 17 times the noise backwards
+        (79, "pair-2r-032-motor_coupling+stribeck_friction"),  # both at one place
+        (79, "pair-2r-015-stribeck_friction+quadratic_friction"),  # ends at 17 times the noise backwards
+        (107, "pair-2r-002-backlash+quadratic_friction"),  # on both sides of one joint, with known friction
+        (107, "pair-2r-010-cable_spring+friction_drift"),  # a torque ripple fits better than the spring alone
     ],
 )
-def test_two_effects_with_known_friction_are_found(name: str, tmp_path: Path) -> None:
-    (case,) = selected(79, name)
+def test_two_effects_are_found(seed: int, name: str, tmp_path: Path) -> None:
+    (case,) = selected(seed, name)
     make(tmp_path, case)
     result = diagnose(read_set(case_folder(tmp_path, name)), apply=True)
     assert {step.added.effect for step in result.steps if step.added} == set(case.effects)

@@ -15,6 +15,7 @@ from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, removed, unexplained
 from flexviz.diagnosis.effect_at_place import effects_at_place
+from flexviz.diagnosis.exchange import exchanged
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
 from flexviz.diagnosis.search import Search
@@ -110,6 +111,7 @@ class ForwardSearch:
             if not self.apply:
                 break
             self.drop_superfluous()
+            self.exchange()
 
     def look_at_place_first(self) -> bool:
         """Whether an arbitrary torque at one place explains all that the set's own model lacks.
@@ -140,13 +142,32 @@ class ForwardSearch:
         dropped = set(self.final.layout.effects) - set(simpler.layout.effects)
         if not dropped:
             return
-        *kept, last = (step for step in self.steps if step.chosen.effect not in dropped)
-        before, steps = self.steps[0].before, []
-        for step in kept:
+        self.rest_on([step for step in self.steps if step.chosen.effect not in dropped], simpler)
+
+    def exchange(self) -> None:
+        """Exchange earlier effects for rivals of theirs that fit better beside the newest effect."""
+        for k, step in enumerate(self.steps[:-1]):
+            better = exchanged(self.search, self.final, step)
+            if better is None:
+                continue
+            lag = self.final.objective - better.fit.objective
+            changed = replace(step, chosen=better)
+            self.rest_on([*self.steps[:k], changed, *self.steps[k + 1 :]], better.fit)
+            again = self.steps[k]
+            reached = again.after.objective
+            results = {**step.objectives, better.effect: reached, step.chosen.effect: reached + lag}
+            self.steps[k] = replace(again, objectives=results)
+            self.fitted(self.final)
+
+    def rest_on(self, steps: list[SearchStep], final: Fit) -> None:
+        """Refit the given steps one after another up to the last one, which ends with the model `final`."""
+        *earlier, last = steps
+        before, out = self.steps[0].before, []
+        for step in earlier:
             again = self.search.refit(before, step.chosen.scored, LIMITS.first_iterations)
-            steps.append(replace(step, before=before, chosen=again))
+            out.append(replace(step, before=before, chosen=again))
             before = again.fit
-        self.steps = [*steps, replace(last, before=before, chosen=replace(last.chosen, fit=simpler))]
+        self.steps = [*out, replace(last, before=before, chosen=replace(last.chosen, fit=final))]
 
     def explain_the_rest(self) -> None:
         """Find the place of a law of no library; else add effects that held-out groups confirm.

@@ -176,7 +176,7 @@ class _Pipeline:
         with contextlib.suppress(Interrupted):
             search = self.forward if begun else self.prepared()
             place = search.place_of_base()
-            if place is not None and place.complete:
+            if place is not None:
                 elsewhere = any(e.joint != place.unknown.joint for e in added)
                 if elsewhere or not added:
                     self.forward = search
