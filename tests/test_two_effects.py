@@ -10,6 +10,8 @@ import pytest
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep, unscored
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.rich_result import just_incomplete
@@ -38,6 +40,19 @@ def test_two_effects_are_found(seed: int, name: str, tmp_path: Path) -> None:
     assert {step.added.effect for step in result.steps if step.added} == set(case.effects)
     assert result.steps[-1].verdict == "nothing-missing"
     assert all(step.added.confidence > 0.9 for step in result.steps if step.added)
+
+
+def test_rivals_keep_their_distance_where_a_step_is_refitted(demo: MeasurementSet) -> None:
+    layout = Layout(demo.joints)
+    context = FitContext(demo, layout)
+    rough, close = (context.fit(layout, context.start(layout).x, iterations=k) for k in (0, 2))
+    mine, tied = ChosenEffect("coulomb_friction", 1), ChosenEffect("link_coulomb_friction", 1)
+    chosen = RefittedCandidate(unscored(mine, rough), rough)
+    step = SearchStep(rough, chosen, {mine: rough.objective, tied: rough.objective + 7})
+    assert close.objective < rough.objective - 7
+    again = step.refitted(rough, close)
+    assert again.after is close
+    assert again.objectives == pytest.approx({mine: close.objective, tied: close.objective + 7})
 
 
 def test_a_search_forwards_follows_where_little_is_left(demo: MeasurementSet) -> None:

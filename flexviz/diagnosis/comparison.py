@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,11 @@ class CandidateScores:
 
     ranked: list[ScoredCandidate]
     projection: Projection
+
+    @property
+    def gains(self) -> dict[ChosenEffect, float]:
+        """Gain of each candidate, of an episode in its best stretch."""
+        return {s.effect: s.gain for s in reversed(self.ranked)}
 
     def shortened(self) -> CandidateScores:
         """The same with the signatures of the leading candidates only; all signatures take hundreds of MB."""
@@ -88,6 +93,12 @@ class SearchStep:
     def after(self) -> Fit:
         """The model with the effect."""
         return self.adapted or self.chosen.fit
+
+    def refitted(self, before: Fit, after: Fit) -> SearchStep:
+        """The same effect between other fits; its rivals keep their distance in the objective."""
+        move = after.objective - self.chosen.fit.objective
+        moved = {effect: objective + move for effect, objective in self.objectives.items()}
+        return replace(self, before=before, chosen=replace(self.chosen, fit=after), objectives=moved)
 
 
 def unscored(effect: ChosenEffect, fit: Fit) -> ScoredCandidate:

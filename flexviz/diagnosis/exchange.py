@@ -26,11 +26,11 @@ def exchanged(search: Search, final: Fit, step: SearchStep) -> RefittedCandidate
         return None
     start = without_effect(final.layout, final.x, effect)
     there = search.fit_from(start, 0, near=final)
-    ranked = search.scores(there, {effect, *rivals}).ranked
-    gains = {s.effect: s.gain for s in reversed(ranked)}  # of an episode in its best stretch
+    scores = search.scores(there, {effect, *rivals})
+    least = LIMITS.close_alone * scores.gains.get(effect, 0.0)
     best, beat = None, final.objective - EVIDENCE.tied_gain
-    for s in ranked:
-        if s.effect == effect or s.gain < LIMITS.close_alone * gains.get(effect, 0.0):
+    for s in scores.ranked:
+        if s.effect == effect or s.gain < least:
             continue
         search.say(f"comparing with: {EFFECTS[s.effect.effect].title}")
         start = in_place_of(effect, final.layout, with_effect(there.layout, there.x, s.effect, s.values))

@@ -150,13 +150,10 @@ class ForwardSearch:
             better = exchanged(self.search, self.final, step)
             if better is None:
                 continue
-            lag = self.final.objective - better.fit.objective
-            changed = replace(step, chosen=better)
+            others = step.refitted(step.before, self.final).objectives
+            objectives = {**others, better.effect: better.fit.objective}
+            changed = replace(step, chosen=better, objectives=objectives)
             self.rest_on([*self.steps[:k], changed, *self.steps[k + 1 :]], better.fit)
-            again = self.steps[k]
-            reached = again.after.objective
-            results = {**step.objectives, better.effect: reached, step.chosen.effect: reached + lag}
-            self.steps[k] = replace(again, objectives=results)
             self.fitted(self.final)
 
     def rest_on(self, steps: list[SearchStep], final: Fit) -> None:
@@ -164,10 +161,10 @@ class ForwardSearch:
         *earlier, last = steps
         before, out = self.steps[0].before, []
         for step in earlier:
-            again = self.search.refit(before, step.chosen.scored, LIMITS.first_iterations)
-            out.append(replace(step, before=before, chosen=again))
-            before = again.fit
-        self.steps = [*out, replace(last, before=before, chosen=replace(last.chosen, fit=final))]
+            after = self.search.refit(before, step.chosen.scored, LIMITS.first_iterations).fit
+            out.append(step.refitted(before, after))
+            before = after
+        self.steps = [*out, last.refitted(before, final)]
 
     def explain_the_rest(self) -> None:
         """Find the place of a law of no library; else add effects that held-out groups confirm.

@@ -242,8 +242,7 @@ class Search:
         close = [s for s in others if s.gain >= LIMITS.close_score * leader.scored.gain]
         common = common_values(leader.fit, fit)
         there = self.fit_from(ModelStart(fit.layout, common), 0, near=leader.fit)
-        again = self.scores(there, {leader.effect, *(s.effect for s in close)})
-        gains = {s.effect: s.gain for s in reversed(again.ranked)}  # of an episode in its best stretch
+        gains = self.scores(there, {leader.effect, *(s.effect for s in close)}).gains
         all_of_it = gains.get(leader.effect, 0.0)  # missing if none of its guesses is within its bounds there
         near_noise = excess(fit) < LIMITS.hidden_excess
         out, ruled_out = [], {}
