@@ -150,6 +150,25 @@ def test_an_effect_that_is_only_being_tried_is_taken_back_if_the_user_stops(
     assert search.steps == []
 
 
+@pytest.mark.parametrize(
+    ("left", "apply", "kept"),
+    [(2.0, True, True), (2.0, False, False), (3.0, True, False)],  # an arbitrary torque there leaves 5
+)
+def test_effects_that_leave_less_than_any_torque_at_the_place_are_kept(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch, left: float, apply: bool, kept: bool
+) -> None:
+    search = search_of(demo, apply)
+    step = step_from(search.base, ChosenEffect("cable_spring", 1))
+    monkeypatch.setattr(forward_search, "effects_at_place", lambda *_: [step])
+    monkeypatch.setattr(search, "add_effects", lambda: None)
+    monkeypatch.setattr(forward_search, "verdict", lambda *_: "unknown")
+    monkeypatch.setattr(forward_search, "excess", lambda fit: left)
+    search.place = place = place_at(1, search.base.layout, complete=False)
+    search.try_effects_at(place)
+    assert search.steps == ([step] if kept else [])
+    assert search.place is (None if kept else place)
+
+
 def test_two_effects_are_not_the_answer_where_one_is_asked_for(
     demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -218,21 +218,25 @@ class ForwardSearch:
             self.try_effects_at(place)
 
     def try_effects_at(self, place: UnknownPlace) -> None:
-        """Add an effect of the library that acts at a place, and others beside it, if they explain all."""
+        """Add an effect of the library that acts at a place, and others beside it, if they explain all.
+
+        Or clearly more than an arbitrary torque at the place, which no imitation does.
+        """
         if self.searched_place is place:
             return
         self.searched_place, before = place, self.steps
         steps = effects_at_place(self.search, self.final, place)
         if not steps or (len(steps) > 1 and not self.apply):
             return
-        self.steps, complete = [*before, *steps], False
+        self.steps, explained = [*before, *steps], False
         try:
             if self.apply:
                 self.add_effects()
-            complete = self.complete
+            left = THRESHOLDS.unknown_place.beyond * place.left
+            explained = self.complete or (self.apply and excess(self.final) < left)
         finally:  # also if the user stops it
-            if not complete:
+            if not explained:
                 self.steps = before
-        if complete:
+        if explained:
             self.fitted(self.final)
             self.place = None
