@@ -338,11 +338,12 @@ def judged(objective: float, chi: float, chi_held_out: float) -> Any:
 
 
 def test_a_trace_of_what_an_effect_explains_casts_no_doubt_on_it() -> None:
-    """Unless the held-out groups show it, too: an imitation does not predict them."""
+    """Nor in the held-out groups, unless it explains less of them: an imitation does not predict them."""
     before = judged(1e5, 1e8, 1e8)
-    traces = [judged(1e4, 250.0, 1.0), judged(1e4, 250.0, 250.0), judged(1e4, 1e6, 1.0)]
-    sure, imitating, coarse = (probability(features(before, after, after)) for after in traces)
-    assert sure > 0.9 and imitating < 0.1 and coarse < 0.1
+    chi = [(250.0, 1.0), (250.0, 250.0), (250.0, 1e6), (1e6, 1.0)]
+    traces = [judged(1e4, *each) for each in chi]
+    sure, traced, imitating, coarse = (probability(features(before, after, after)) for after in traces)
+    assert sure > 0.9 and traced > 0.9 and imitating < 0.1 and coarse < 0.1
     unchecked = judged(1e4, 250.0, np.nan)
     assert probability(features(before, unchecked, unchecked)) < 0.1
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexviz.diagnosis.acceptance import excess, removed_share
+from flexviz.diagnosis.acceptance import excess, held_out_share, removed_share
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 
@@ -39,18 +39,19 @@ def features(before: Fit, after: Fit, final: Fit) -> tuple[float, float, float]:
     gain = before.objective - after.objective
     least = THRESHOLDS.acceptance.least_gain
     share = removed_share(before, after)
-    left = float(np.log1p(_doubtful_excess(share, final)))
+    left = float(np.log1p(_doubtful_excess(share, held_out_share(before, after), final)))
     return float(np.log(max(gain, 1.0) / least)), share, left
 
 
-def _doubtful_excess(share: float, final: Fit) -> float:
-    """Excess of the final model, as far as it casts doubt on an effect that removed a share of it.
+def _doubtful_excess(share: float, held_out: float, final: Fit) -> float:
+    """Excess of the final model, as far as it casts doubt on an effect that removed these shares of it.
 
-    Where nearly all is removed and the held-out groups are at their noise, what is left is a trace of the
-    effect's own form, such as the edges of a contact: no imitation predicts other groups so well.
+    Where nearly all is removed, also in the held-out groups, or these are at their noise, what is left is a
+    trace of the effect's own form, such as the edges of a contact: no imitation predicts others so well.
     """
-    limits, held_out = THRESHOLDS.evidence, final.chi_held_out
-    if share > limits.nearly_all and np.isfinite(held_out).all() and held_out.max() < limits.predicted:
+    limits, chi = THRESHOLDS.evidence, final.chi_held_out
+    quiet = np.isfinite(chi).all() and chi.max() < limits.predicted
+    if share > limits.nearly_all and (quiet or held_out > limits.nearly_all):
         return excess(final) * (1 - share) / (1 - limits.nearly_all)
     return excess(final)
 
