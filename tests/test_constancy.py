@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, diagnose
+from flexviz.diagnosis import Diagnosis, diagnose, forward_search
 from flexviz.diagnosis.acceptance import Gained, exhausted, held_to_be_zero, verdict
 from flexviz.diagnosis.conclusion import Conclusion
 from flexviz.diagnosis.constancy import ChangingSize, changing_size
@@ -23,6 +23,7 @@ from flexviz.progress import never
 from flexviz.recording.texts import diagnosis_text
 from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
+from tests.unknown_laws import search_of, step_from
 
 FRICTION = ChosenEffect("coulomb_friction", 1)
 HIDDEN = 3.0  # [Nm] of joint 2 in the demonstration
@@ -226,3 +227,28 @@ def test_a_model_without_effects_leaves_hardly_more_than_noise(demo: Measurement
             level = np.full(2, 1.0 + excess)
             left = replace(fit, chi=level, chi_held_out=level)
             assert verdict(left, left) == said
+
+
+@pytest.mark.parametrize(
+    ("last", "sure", "other", "unexplained"),
+    [
+        ("unknown", True, False, False),  # the change of a size explains what is left
+        ("unknown", False, False, True),
+        ("unknown", True, True, True),
+        ("nothing-missing", False, True, False),
+    ],
+)
+def test_a_change_of_what_may_be_an_imitation_explains_nothing(
+    demo: MeasurementSet,
+    monkeypatch: pytest.MonkeyPatch,
+    last: str,
+    sure: bool,
+    other: bool,
+    unexplained: bool,
+) -> None:
+    search = search_of(demo)
+    search.steps = [step_from(search.base, ChosenEffect("base_tilt", None))]
+    monkeypatch.setattr(forward_search, "verdict", lambda *_: last)
+    monkeypatch.setattr(forward_search, "uncertain", lambda *_: not sure)
+    monkeypatch.setattr(forward_search, "unexplained", lambda *_: other)
+    assert search.unexplained == unexplained

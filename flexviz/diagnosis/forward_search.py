@@ -15,6 +15,7 @@ from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, removed, unexplained
 from flexviz.diagnosis.effect_at_place import effects_at_place
+from flexviz.diagnosis.evidence import uncertain
 from flexviz.diagnosis.exchange import exchanged
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
@@ -76,8 +77,12 @@ class ForwardSearch:
 
     @property
     def unexplained(self) -> bool:
-        """Whether the final model leaves more than noise and the change of a size."""
-        return unexplained(self.context, self.final, self.reference)
+        """Whether the final model leaves more than noise and the change of a size that was found for sure."""
+        final = self.final
+        if verdict(final, self.reference) != "unknown":
+            return False
+        doubtful = any(uncertain(self.context, step, final) for step in self.steps)
+        return doubtful or unexplained(self.context, final, self.reference)
 
     @property
     def complete(self) -> bool:
