@@ -230,12 +230,13 @@ def test_a_model_without_effects_leaves_hardly_more_than_noise(demo: Measurement
 
 
 @pytest.mark.parametrize(
-    ("last", "sure", "other", "unexplained"),
+    ("last", "sure", "share", "other", "unexplained"),
     [
-        ("unknown", True, False, False),  # the change of a size explains what is left
-        ("unknown", False, False, True),
-        ("unknown", True, True, True),
-        ("nothing-missing", False, True, False),
+        ("unknown", True, 0.2, False, False),  # the change of a size explains what is left
+        ("unknown", False, 0.8, False, False),  # of a main effect: how well it is known does not matter
+        ("unknown", False, 0.2, False, True),
+        ("unknown", True, 0.2, True, True),
+        ("nothing-missing", False, 0.2, True, False),
     ],
 )
 def test_a_change_of_what_may_be_an_imitation_explains_nothing(
@@ -243,6 +244,7 @@ def test_a_change_of_what_may_be_an_imitation_explains_nothing(
     monkeypatch: pytest.MonkeyPatch,
     last: str,
     sure: bool,
+    share: float,
     other: bool,
     unexplained: bool,
 ) -> None:
@@ -250,5 +252,6 @@ def test_a_change_of_what_may_be_an_imitation_explains_nothing(
     search.steps = [step_from(search.base, ChosenEffect("base_tilt", None))]
     monkeypatch.setattr(forward_search, "verdict", lambda *_: last)
     monkeypatch.setattr(forward_search, "uncertain", lambda *_: not sure)
+    monkeypatch.setattr(forward_search, "removed_share", lambda *_: share)
     monkeypatch.setattr(forward_search, "unexplained", lambda *_: other)
     assert search.unexplained == unexplained

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import Gained, excess, exhausted, verdict
+from flexviz.diagnosis.acceptance import Gained, excess, exhausted, removed_share, verdict
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, removed, unexplained
@@ -25,7 +25,7 @@ from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.search
+LIMITS, ACCEPTANCE = THRESHOLDS.search, THRESHOLDS.acceptance
 
 
 class ForwardSearch:
@@ -77,12 +77,16 @@ class ForwardSearch:
 
     @property
     def unexplained(self) -> bool:
-        """Whether the final model leaves more than noise and the change of a size that was found for sure."""
+        """Whether the final model leaves more than noise and the change of the size of a main effect."""
         final = self.final
         if verdict(final, self.reference) != "unknown":
             return False
-        doubtful = any(uncertain(self.context, step, final) for step in self.steps)
-        return doubtful or unexplained(self.context, final, self.reference)
+        return any(map(self.doubtful, self.steps)) or unexplained(self.context, final, self.reference)
+
+    def doubtful(self, step: SearchStep) -> bool:
+        """Whether an effect is uncertain and does not explain most of what its step was to explain."""
+        removed = removed_share(step.before, step.chosen.fit)
+        return removed < ACCEPTANCE.changing_main and uncertain(self.context, step, self.final)
 
     @property
     def complete(self) -> bool:
