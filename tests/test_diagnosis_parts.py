@@ -345,7 +345,8 @@ def test_a_trace_of_what_an_effect_explains_casts_no_doubt_on_it() -> None:
     sure, traced, imitating, coarse = (probability(features(before, after, after)) for after in traces)
     assert sure > 0.9 and traced > 0.9 and imitating < 0.1 and coarse < 0.1
     unchecked = judged(1e4, 250.0, np.nan)
-    assert probability(features(before, unchecked, unchecked)) < 0.1
+    for known in (before, judged(1e5, 1e8, np.nan)):
+        assert probability(features(known, unchecked, unchecked)) < 0.1
 
 
 def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> None:

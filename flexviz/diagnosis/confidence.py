@@ -50,8 +50,8 @@ def _doubtful_excess(share: float, held_out: float, final: Fit) -> float:
     trace of the effect's own form, such as the edges of a contact: no imitation predicts others so well.
     """
     limits, chi = THRESHOLDS.evidence, final.chi_held_out
-    quiet = np.isfinite(chi).all() and chi.max() < limits.predicted
-    if share > limits.nearly_all and (quiet or held_out > limits.nearly_all):
+    predicted = np.isfinite(chi).all() and (chi.max() < limits.predicted or held_out > limits.nearly_all)
+    if share > limits.nearly_all and predicted:
         return excess(final) * (1 - share) / (1 - limits.nearly_all)
     return excess(final)
 
