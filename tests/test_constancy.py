@@ -230,13 +230,13 @@ def test_a_model_without_effects_leaves_hardly_more_than_noise(demo: Measurement
 
 
 @pytest.mark.parametrize(
-    ("last", "sure", "share", "other", "unexplained"),
+    ("last", "sure", "share", "drift", "unexplained"),
     [
-        ("unknown", True, 0.2, False, False),  # the change of a size explains what is left
-        ("unknown", False, 0.8, False, False),  # of a main effect: how well it is known does not matter
-        ("unknown", False, 0.2, False, True),
-        ("unknown", True, 0.2, True, True),
-        ("nothing-missing", False, 0.2, True, False),
+        ("unknown", True, 0.2, True, False),  # the drift of a size explains what is left
+        ("unknown", False, 0.8, True, False),  # of a main effect: how well it is known does not matter
+        ("unknown", False, 0.2, True, True),
+        ("unknown", True, 0.2, False, True),
+        ("nothing-missing", False, 0.2, False, False),
     ],
 )
 def test_a_change_of_what_may_be_an_imitation_explains_nothing(
@@ -245,7 +245,7 @@ def test_a_change_of_what_may_be_an_imitation_explains_nothing(
     last: str,
     sure: bool,
     share: float,
-    other: bool,
+    drift: bool,
     unexplained: bool,
 ) -> None:
     search = search_of(demo)
@@ -253,5 +253,5 @@ def test_a_change_of_what_may_be_an_imitation_explains_nothing(
     monkeypatch.setattr(forward_search, "verdict", lambda *_: last)
     monkeypatch.setattr(forward_search, "uncertain", lambda *_: not sure)
     monkeypatch.setattr(forward_search, "removed_share", lambda *_: share)
-    monkeypatch.setattr(forward_search, "unexplained", lambda *_: other)
+    monkeypatch.setattr(forward_search, "explained_by_drift", lambda *_: drift)
     assert search.unexplained == unexplained

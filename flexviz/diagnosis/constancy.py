@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import verdict
 from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -96,17 +95,15 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
     return max(found, key=lambda one: one.gain, default=None)
 
 
-def unexplained(context: FitContext, fit: Fit, reference: Fit) -> bool:
-    """Whether a model leaves more than noise and the drift of a size; `reference` has no effects at all.
+def explained_by_drift(context: FitContext, fit: Fit) -> bool:
+    """Whether the drift of a size explains most of what a model leaves.
 
     A change with the load is no explanation: many laws follow the load.
     """
-    if verdict(fit, reference) != "unknown":
-        return False
     changing = changing_size(context, fit)
     if changing is None or changing.along != "time":
-        return True
-    return changing.gain < LIMITS.changing_most * changing.left
+        return False
+    return changing.gain >= LIMITS.changing_most * changing.left
 
 
 def sum_above_noise(fit: Fit) -> float:

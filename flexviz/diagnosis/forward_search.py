@@ -13,7 +13,7 @@ from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, exhausted, removed_share, verdict
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
-from flexviz.diagnosis.constancy import changing_size, removed, unexplained
+from flexviz.diagnosis.constancy import changing_size, explained_by_drift, removed
 from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.evidence import uncertain
 from flexviz.diagnosis.exchange import exchanged
@@ -77,13 +77,13 @@ class ForwardSearch:
 
     @property
     def unexplained(self) -> bool:
-        """Whether the final model leaves more than noise and the change of the size of a main effect."""
+        """Whether the final model leaves more than noise and the drift of the size of a main effect."""
         final = self.final
         if verdict(final, self.reference) != "unknown":
             return False
-        return any(map(self.doubtful, self.steps)) or unexplained(self.context, final, self.reference)
+        return any(map(self._doubtful, self.steps)) or not explained_by_drift(self.context, final)
 
-    def doubtful(self, step: SearchStep) -> bool:
+    def _doubtful(self, step: SearchStep) -> bool:
         """Whether an effect is uncertain and does not explain most of what its step was to explain."""
         removed = removed_share(step.before, step.chosen.fit)
         return removed < ACCEPTANCE.changing_main and uncertain(self.context, step, self.final)
