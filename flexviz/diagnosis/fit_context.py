@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import EFFECTS
 from flexviz.equation import Chain, Equation, Layout, Signals, build_signals
 from flexviz.estimation import (
     WIDE_HERTZ,
@@ -44,6 +45,9 @@ DAMPING_RISE = 100.0  # rise of the objective above the best point after which a
 
 # sufficient to distinguish models
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
+JERKY_RIDGE = (
+    1e-4  # at least, where links turn round by jerks: the filter's edge is known less well than noise
+)
 
 
 class Fitted(Protocol):
@@ -126,6 +130,9 @@ class FitContext:
         fit = [g for g in measurements.groups if not g.validation]
         held_out = [g for g in measurements.groups if g.validation]
         self.fit_groups, self.held_out_groups = fit, held_out
+        laws = [EFFECTS[e.effect] for e in layout.effects]
+        if any(law.hidden_state and law.where == "link" for law in laws):
+            weighing = replace(weighing, ridge=max(weighing.ridge, JERKY_RIDGE), products=True)
         self.two_band = TwoBandData(measurements, fit, layout, weighing)
         self.validation = TwoBandData(measurements, held_out, layout, weighing) if held_out else None
         bare = Layout(layout.joints)

@@ -5,6 +5,7 @@ from flexviz.equation.elasticity import local_compliance, time_constants
 from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
+from flexviz.equation.products import FilteredProducts
 from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
 from flexviz.equation.reversal_nuisance import Pulses, pulses
 from flexviz.equation.signals import Signals, build_signals, equation_stride
@@ -15,6 +16,7 @@ __all__ = [
     "Chain",
     "Equation",
     "Evaluation",
+    "FilteredProducts",
     "Layout",
     "LinkDynamics",
     "LinkTerms",

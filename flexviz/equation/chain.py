@@ -51,6 +51,37 @@ class Chain:
         out[:, j] -= u[0]
         return out
 
+    def of_pulses(self, time: Array, at: Array, j: int) -> tuple[Array, Array]:
+        """Pulses of q of joint j whose products with the pose are formed before they are filtered.
+
+        M(t) δ̈(t − t₀) = M(t₀) δ̈ − 2 Ṁ(t₀) δ̇ + M̈(t₀) δ, and so on.
+
+        Args:
+            time: shape (N,), of the samples [s].
+            at: shape (P,), t₀ of each pulse [s].
+            j: the joint.
+
+        Returns:
+            factors of the filtered δ, δ̇ and δ̈ in −∂r, shape (3, P, n), and the compliance at t₀, shape (P,).
+        """
+        nearest = np.clip(np.round((at - time[0]) / (time[1] - time[0])).astype(int), 0, len(time) - 1)
+        past = at - time[nearest]
+        past = np.where(np.abs(past) < time[1] - time[0], past, 0.0)[:, None]
+
+        def there(values: Array) -> tuple[Array, Array, Array]:
+            """Values (N, n) and two derivatives at the pulses."""
+            rate = np.gradient(values, time, axis=0)
+            bend = np.gradient(rate, time, axis=0)[nearest]
+            rate = rate[nearest] + past * bend
+            return values[nearest] + past * rate - 0.5 * past**2 * bend, rate, bend
+
+        mass, mass_rate, mass_bend = there(self._mass[:, :, j])
+        damping, damping_rate, _ = there(self._damping[:, :, j])
+        dq = there(self._dq[:, :, j])[0]
+        factors = np.stack((dq - damping_rate + mass_bend, damping - 2 * mass_rate, mass))
+        compliance = self._compliance[..., j]
+        return factors, compliance[nearest] if compliance.ndim else np.full(len(at), compliance)
+
     def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
         """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
         out = np.zeros(self._mass.shape[:2])

@@ -56,6 +56,7 @@ class EffectContext:
         self._motions: dict[int, list[JointMotion]] = {}
         self._at: WideMotions | None = None
         self._used: list[FineSignals] | None = None  # what determines the motions, where s does not
+        self._of: EffectContext | None = None  # whose motions effects see
         self._cache: dict[object, Array] = {}
 
     @property
@@ -70,8 +71,18 @@ class EffectContext:
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
         """The same signals with other parameters."""
         other = EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, self._bands)
+        other._of = self._of
         if np.array_equal(x, self._x):
             other._at = self._at
+        return other
+
+    def at_samples_of(self, signals: Signals, shared: dict[object, Any]) -> EffectContext:
+        """The same motions for effects at the samples of other signals of the same stretches."""
+        x, lay = self._x, self._layout
+        s = signals.tau - x[lay.motor_inertia] * signals.theta[2:] - x[lay.motor_viscous] * signals.theta[1:4]
+        q = signals.theta[:3] - x[lay.compliance] * s
+        other = EffectContext(self._link, signals, lay, shared, x, q, None, self._fine_bands())
+        other._of = self
         return other
 
     def take_motions(self, earlier: EffectContext) -> None:
@@ -238,6 +249,8 @@ class EffectContext:
 
     def fine(self) -> list[FineSignals]:
         """Wide-band signals of every block."""
+        if self._of is not None:
+            return self._of.fine()
         return fine_signals(self._signals, self._fine_bands(), self._shared)
 
     def seen(self) -> Array:
@@ -253,6 +266,8 @@ class EffectContext:
         return self._bands
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
+        if self._of is not None:
+            return self._of.motions(joint)
         if joint not in self._motions:
             self._used = None if self._s is not None else self.fine()
             self._motions[joint] = self._source().of(joint, self._s)

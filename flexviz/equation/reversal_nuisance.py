@@ -57,8 +57,11 @@ class Pulses:
     columns: Array
 
 
-def pulses(point: OperatingPoint, x: Array, link: LinkTerms) -> list[Pulses]:
-    """The pulses of every stretch that has some, for given rigid-body terms."""
+def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = False) -> list[Pulses]:
+    """The pulses of every stretch that has some, for given rigid-body terms.
+
+    `products`: the residual's products of signals are formed before they are filtered.
+    """
     compliance = local_compliance(point.layout, x, link.torque)
     chain, lags = Chain(compliance, x[point.layout.link_viscous], link), time_constants(point.layout, x)
     found: dict[tuple[int, int], list[Pulses]] = {}
@@ -67,7 +70,8 @@ def pulses(point: OperatingPoint, x: Array, link: LinkTerms) -> list[Pulses]:
         if not isinstance(law, LawEffect) or joint is None or not np.any(x[where]):
             continue
         for index, motion in enumerate(point.context.motions(joint)):
-            for one in _of_stretch(point, index, law, joint, motion, x[where], chain, float(lags[joint])):
+            lag = float(lags[joint])
+            for one in _of_stretch(point, index, law, joint, motion, x[where], chain, lag, products):
                 found.setdefault((index, one.rows.start), []).append(one)
     return [
         replace(same[0], columns=np.concatenate([one.columns for one in same], axis=2))
@@ -84,6 +88,7 @@ def _of_stretch(
     values: Array,
     chain: Chain,
     lag: float,
+    products: bool,
 ) -> Iterator[Pulses]:
     """The pulses of one effect in each part of a stretch that has some; `lag` is the joint's D/K [s]."""
     block = point.signals.blocks[index]
@@ -106,13 +111,21 @@ def _of_stretch(
         if not len(filtered):
             continue
         part = chain.rows(slice(block.rows.start + begin, block.rows.start + rows.stop))
-        columns = [part.column(law.entry, (joint,), one[:, :, None]) for one in filtered]
+        columns = np.stack([part.column(law.entry, (joint,), one[:, :, None]) for one in filtered], axis=2)
+        own, bends = filtered[: len(at)], filtered[: len(at)]
         if lag and law.entry == "torque":  # a damped joint bends later
             bends = point.context.pulses_block(index, at, joint, law.depth, seen, lag)
             bends *= (sizes[there] / fine)[:, None, None]
             for k, late in enumerate(bends):
-                columns[k] = part.torque(filtered[k], joint, late)
-        yield Pulses(index, rows, begin, np.stack(columns, axis=2))
+                columns[:, :, k] = part.torque(own[k], joint, late)
+        if products and law.entry != "residual":
+            factors, compliance = part.of_pulses(time[seen], times[there], joint)
+            if law.entry == "torque":
+                factors *= compliance[:, None]
+            columns[:, :, : len(at)] = -np.einsum("dmi,mdt->tim", factors, bends)
+            if law.entry == "torque":
+                columns[:, joint, : len(at)] -= own[:, 0].T
+        yield Pulses(index, rows, begin, columns)
 
 
 def parts_of(time: Array) -> list[slice]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,6 +109,7 @@ def build_signals(
     *,
     sample_step: float = 0.025,
     exact_step: bool = False,
+    strides: Callable[[Segment], int | None] = lambda segment: None,
     drop: tuple[float, float] | None = None,
     longest_edge: float = np.inf,
 ) -> Signals:
@@ -119,6 +120,7 @@ def build_signals(
         groups: at least one.
         observer: made by `make_observer`.
         sample_step: longest step of the equation's samples [s].
+        strides: raw samples per equation sample of a segment; None: as `sample_step` says.
         exact_step: never refine `sample_step`; otherwise refine it as the observer's bandwidth requires.
         drop: seconds to drop at the start and end of each segment; default: the observer's transients.
         longest_edge: share of the shortest segment that is dropped at either end at most.
@@ -135,7 +137,7 @@ def build_signals(
     row = 0
     for index, group in enumerate(groups):
         for segment in group.segments:
-            stride = equation_stride(segment, observer, sample_step, exact_step)
+            stride = strides(segment) or equation_stride(segment, observer, sample_step, exact_step)
             time = segment.time[::stride]
             keep = (time >= time[0] + start - 1e-9) & (time <= segment.time[-1] - end + 1e-9)
             count = np.count_nonzero(keep)

@@ -48,6 +48,7 @@ class WeightingSettings:
         orders: number of joints → order of the predictor; lower for robots with more joints.
         long_order: order for numbers of joints that are not listed.
         every, ridge: as in `NoiseModel`.
+        products: products of signals are formed before they are filtered (`FilteredProducts`).
     """
 
     hertz: float
@@ -55,6 +56,7 @@ class WeightingSettings:
     long_order: int
     every: int = 1
     ridge: float = 0.0
+    products: bool = False
 
     def noise_model(self, joints: int) -> NoiseModel:
         """Noise model for a number of joints, without model error."""

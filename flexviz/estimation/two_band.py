@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.equation import (
     Equation,
+    FilteredProducts,
     Layout,
     LinkTerms,
     OperatingPoint,
@@ -109,6 +110,10 @@ class TwoBandData:
         self.noise_model = settings.noise_model(layout.n)
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
+        self._products: FilteredProducts | None = None
+        if settings.products:
+            twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
+            self._products = FilteredProducts(measurements, groups, wide_signals, twice, edge / 2)
         self._set(layout)
 
     def _set(self, layout: Layout) -> None:
@@ -147,7 +152,9 @@ class TwoBandData:
             s, link, slopes = found.torque[0], found.link, found.jacobian
         else:
             s, link, slopes = narrow.motor_side(x)[0][0], narrow.link_terms(x), None
-        return BandEvaluation(x, wide, narrow, wide.residual(x), s.copy(), link, slopes)
+        products = self._products
+        residual = wide.residual(x) if products is None else products.residual(wide, x)
+        return BandEvaluation(x, wide, narrow, residual, s.copy(), link, slopes)
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener per block, at the parameters x and the rigid-body terms of the narrow band."""
@@ -234,7 +241,8 @@ class TwoBandData:
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
         """One weighting per block: the whitener and the nuisance pulses at reversals."""
         x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
-        for unknown in pulses(evaluation.wide_point, x, evaluation.link):
+        products = self._products is not None
+        for unknown in pulses(evaluation.wide_point, x, evaluation.link, products):
             before = out[unknown.block]
             out[unknown.block] = before.with_unknown(unknown.columns, unknown.rows, unknown.begin)
         return out
