@@ -133,8 +133,7 @@ def build_signals(
     start, end = (min(seconds, longest_edge * shortest) for seconds in wanted)
     delay = measurements.torque_hold / 2
     blocks: list[Block] = []
-    times, thetas, taus = [], [], []
-    row = 0
+    times, thetas, taus, row = [], [], [], 0
     for index, group in enumerate(groups):
         for segment in group.segments:
             stride = strides(segment) or equation_stride(segment, observer, sample_step, exact_step)
