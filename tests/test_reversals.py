@@ -20,6 +20,7 @@ from tests.test_equation_parts import moving
 
 SOFT = "clean-2r-009-link_coulomb_friction"  # links that stick and break loose, in the set's own model
 SOFTER = "clean-2r-069-link_coulomb_friction"
+LARGE = "single-2r-231-backlash"  # 2.4 mrad to either side, whose impacts let a light link ring
 LATE = "single-2r-011-backlash"  # crossed once, 1.1 s after the start of a record
 
 
@@ -69,3 +70,10 @@ def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
     assert point.within(np.ones(len(left), bool)).noise_objective == pytest.approx(whole)
     first = diagnose(measurements, apply=True).findings[0]
     assert (first.effect, first.joint) == ("backlash", "joint1")
+
+
+def test_impacts_of_a_large_backlash_leave_only_noise(tmp_path: Path) -> None:
+    found = diagnose(simulated(tmp_path, LARGE, 109), apply=True)
+    first = found.findings[0]
+    assert (first.effect, first.joint) == ("backlash", "joint2") and first.confidence > 0.9
+    assert found.steps[-1].verdict == "nothing-missing"  # 11 times the noise where products are filtered ones'

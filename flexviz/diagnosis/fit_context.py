@@ -121,7 +121,11 @@ class Fit:
 
 
 class FitContext:
-    """Data of one diagnosis, shared by all models."""
+    """Data of one diagnosis, shared by all models.
+
+    Attributes:
+        has_products: products of signals are formed before they are filtered.
+    """
 
     def __init__(
         self, measurements: MeasurementSet, layout: Layout, weighing: WeightingSettings = SEARCH_WEIGHTING
@@ -131,7 +135,8 @@ class FitContext:
         held_out = [g for g in measurements.groups if g.validation]
         self.fit_groups, self.held_out_groups = fit, held_out
         laws = [EFFECTS[e.effect] for e in layout.effects]
-        if any(law.hidden_state and law.where == "link" for law in laws):
+        self.has_products = any(law.hidden_state and law.where == "link" for law in laws)
+        if self.has_products:
             weighing = replace(weighing, ridge=max(weighing.ridge, JERKY_RIDGE), products=True)
         self.two_band = TwoBandData(measurements, fit, layout, weighing)
         self.validation = TwoBandData(measurements, held_out, layout, weighing) if held_out else None
@@ -147,13 +152,19 @@ class FitContext:
 
     def with_model_error(self, variance: Array) -> FitContext:
         """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
-        return self._with_noise(lambda data: data.with_model_error(variance))
+        return self._changed(lambda data: data.with_model_error(variance))
 
     def with_unknown_input(self, unknown: UnknownInput) -> FitContext:
         """The same data beside an arbitrary torque at one place."""
-        return self._with_noise(lambda data: data.with_unknown_input(unknown))
+        return self._changed(lambda data: data.with_unknown_input(unknown))
 
-    def _with_noise(self, change: Callable[[TwoBandData], TwoBandData]) -> FitContext:
+    def with_products(self) -> FitContext:
+        """The same data with products of signals that are formed before they are filtered."""
+        other = self._changed(lambda data: data.with_products())
+        other.has_products = True
+        return other
+
+    def _changed(self, change: Callable[[TwoBandData], TwoBandData]) -> FitContext:
         other = copy(self)
         other.two_band = change(self.two_band)
         if self.validation is not None:

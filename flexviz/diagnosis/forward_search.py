@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import Gained, excess, exhausted, removed_share, verdict
+from flexviz.diagnosis.acceptance import (
+    Gained,
+    excess,
+    exhausted,
+    largest_excess,
+    removed_share,
+    verdict,
+)
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, explained_by_drift, removed
@@ -97,6 +104,7 @@ class ForwardSearch:
     def add_effects(self, near: NearNoise | None = None) -> None:
         """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
         for number in range(LIMITS.rounds):
+            self.form_products()
             fit = self.final
             self.say("scoring candidate effects")
             if (self.apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
@@ -121,6 +129,28 @@ class ForwardSearch:
                 break
             self.drop_superfluous()
             self.exchange()
+
+    def form_products(self) -> None:
+        """From now on form products of signals before they are filtered, if that explains what is left.
+
+        Elsewhere, the simpler equation has less noise.
+        """
+        fit, least = self.final, LIMITS.products_excess
+        if self.context.has_products or not fit.layout.has_reversals or largest_excess(fit) < least:
+            return
+        if excess(fit) > LIMITS.products_most:
+            return
+        context = self.context.with_products()
+        better = context.fit(
+            fit.layout, fit.x, iterations=LIMITS.short_refit, check=self.search.check, near=fit
+        )
+        if better.objective > fit.objective - ACCEPTANCE.least_gain:
+            return
+        self.context = context
+        self.search.go_on_with(context)
+        if self.steps:
+            self.reference = context.without_effects(self.base)
+        self.replace_final(better)
 
     def look_at_place_first(self) -> bool:
         """Whether an arbitrary torque at one place explains all that the set's own model lacks.

@@ -207,7 +207,7 @@ class MotionContext:
         observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
         # as dense as a short record needs, and no less than three samples per cycle of a long one
         duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
-        step = np.clip(duration / MAX_SAMPLES, 1 / (5 * HERTZ), 1 / (3 * HERTZ))
+        step = np.clip(duration / MAX_SAMPLES, 1 / (8 * HERTZ), 1 / (3 * HERTZ))
         edge = LIMITS.longest_edge
         return build_signals(
             self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge

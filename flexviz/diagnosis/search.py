@@ -65,6 +65,10 @@ class Search:
     def check(self) -> None:
         self.say("")
 
+    def go_on_with(self, context: FitContext) -> None:
+        """Look at the data in another way from now on."""
+        self.context = self.restart.context = context
+
     # -- scores
 
     def scores(

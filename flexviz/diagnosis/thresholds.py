@@ -70,6 +70,10 @@ class SearchThresholds:
     # the same, on one joint, where nothing else is found, or what is found leaves as much: models of sets
     # without effects and reversals leave at most 0.07 in the study with seed 89
     faint_excess: float = 0.12
+    # on one joint, above which a model with reversals is tried with products formed before the filter: right
+    # models leave more only where these matter ...
+    products_excess: float = 0.3
+    products_most: float = 30.0  # ... and mean excess above which other errors count more
     hidden_removed: float = 0.3  # share of the excess that such an effect has to remove later in the search
     hidden_joints: int = 2  # number of joints, by residual, on which they are tried ...
     hidden_share: float = 0.01  # ... if their residual is this share of the largest

@@ -27,9 +27,9 @@ from flexviz.equation.residual import OperatingPoint
 Array = NDArray[np.float64]
 
 PULSE_SPACING = 0.01  # [s]
-# per interval, of laws on the motor and on the link: friction changes slowly during a long rest, but on a
-# link that sticks while the spring is wound up
-MAX_PULSES = {"torque": 12, "deflection": 12, "residual": 30}
+# per interval: friction changes slowly in a long rest, but where a motor creeps around zero velocity, and on
+# a link that sticks while the spring is wound up
+MAX_PULSES = 30
 UNKNOWN_SHARE = 0.15  # of the change of u that is unknown on average between two pulses
 SETTLED_SHARE = 0.99  # of the full size of u on either side of a jump
 # half-width of a jump in each signal: [rad/s], [rad/s], share of the rms torque
@@ -147,7 +147,7 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
     for a, b in zip(edges[::2], edges[1::2], strict=True):
         first = motion.time[a] - PULSE_SPACING / 2
         last = motion.time[min(b, len(size)) - 1] + PULSE_SPACING / 2
-        count = min(max(2, int(np.ceil((last - first) / PULSE_SPACING)) + 1), MAX_PULSES[law.entry])
+        count = min(max(2, int(np.ceil((last - first) / PULSE_SPACING)) + 1), MAX_PULSES)
         grid = np.linspace(first, last, count)
         inside = (grid > motion.time[0]) & (grid < motion.time[-1])
         times.append(grid[inside])

@@ -110,10 +110,9 @@ class TwoBandData:
         self.noise_model = settings.noise_model(layout.n)
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
-        self._products: FilteredProducts | None = None
-        if settings.products:
-            twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
-            self._products = FilteredProducts(measurements, groups, wide_signals, twice, edge / 2)
+        twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
+        self._make_products = lambda: FilteredProducts(measurements, groups, wide_signals, twice, edge / 2)
+        self._products = self._make_products() if settings.products else None
         self._set(layout)
 
     def _set(self, layout: Layout) -> None:
@@ -126,6 +125,12 @@ class TwoBandData:
         """The same data for a model with other effects; the signals are shared."""
         other = copy(self)
         other._set(layout)
+        return other
+
+    def with_products(self) -> TwoBandData:
+        """The same data with products of signals that are formed before they are filtered."""
+        other = copy(self)
+        other._products = self._make_products()
         return other
 
     def with_model_error(self, variance: Array) -> TwoBandData:
