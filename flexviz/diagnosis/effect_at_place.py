@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import Gained, excess, removed_share
+from flexviz.diagnosis.acceptance import Gained, excess, removed_share, structured
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
 from flexviz.diagnosis.elastic_starts import starts
@@ -87,7 +87,18 @@ def _added(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep |
         ]
     )
     best = search.acceptable(fit, refitted, gained)
+    if best is not None and structured(best.fit, fit):
+        best = _damped(search, best)
     return best and SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
+
+
+def _damped(search: Search, refitted: RefittedCandidate) -> RefittedCandidate:
+    """A candidate from its values by damped steps: full ones may only lead uphill from there."""
+    fit = refitted.fit
+    more = search.context.fit(
+        fit.layout, fit.x, iterations=LIMITS.last_refit, check=search.check, near=fit, damped=True
+    )
+    return replace(refitted, fit=more) if more.objective < fit.objective else refitted
 
 
 def _leading(ranked: list[ScoredCandidate]) -> list[ScoredCandidate]:

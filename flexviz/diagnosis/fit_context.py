@@ -45,9 +45,8 @@ DAMPING_RISE = 100.0  # rise of the objective above the best point after which a
 
 # sufficient to distinguish models
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
-JERKY_RIDGE = (
-    1e-4  # at least, where links turn round by jerks: the filter's edge is known less well than noise
-)
+# at least, where links turn round by jerks: the edge of the filter is known less well than the noise
+JERKY_RIDGE = 1e-4
 
 
 class Fitted(Protocol):
@@ -194,6 +193,7 @@ class FitContext:
         check: Callable[[], None] = lambda: None,
         near: Fit | None = None,
         beat: float = np.inf,
+        damped: bool = False,
     ) -> Fit:
         """Gauss–Newton on Zᵀ W r = b from x.
 
@@ -204,6 +204,7 @@ class FitContext:
             check: called before each step; may raise to stop.
             near: fit with nearly the same stiffness and motor inertia, whose whiteners can be reused.
             beat: objective of the fit groups to reach; a fit that will not reach it ends early.
+            damped: halve steps that lead uphill from the beginning.
         """
         two_band = self.two_band.with_layout(layout)
         whitening = TrackingWhitening(two_band, _noise_of(near))
@@ -213,11 +214,11 @@ class FitContext:
             return solve(
                 whitening, start.prior, start.bounds, x,
                 iterations=iterations, negligible=NEGLIGIBLE_STEP, least=1, damped=damped, beat=beat,
-                patience=PATIENCE, check=check,
+                patience=None if damped else PATIENCE, check=check,
             )  # fmt: skip
 
-        solved = run(x, damped=False)
-        if solved.end.objective > solved.best.objective + DAMPING_RISE and iterations:
+        solved = run(x, damped)
+        if not damped and solved.end.objective > solved.best.objective + DAMPING_RISE and iterations:
             # the steps led far uphill from the best point
             again = run(solved.best.x, damped=True)
             if again.end.objective < solved.end.objective:

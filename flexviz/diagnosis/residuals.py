@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.cross_validation import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.equation import Pulses, pulses
+from flexviz.equation import Pulses
 from flexviz.estimation import (
     ESTIMATION,
     NoisePath,
@@ -76,11 +76,11 @@ def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
 def _of_groups(fit: Fit, data: TwoBandData, point: Point) -> JointResiduals:
     two_band = data.with_layout(fit.layout)
     wide, blocks = two_band.wide.at(fit.x), two_band.blocks
-    residual = wide.residual(fit.x)
+    residual = two_band.residual(wide, fit.x)
     paths = noise_paths(fit.layout, fit.x, point.link)
     whiteners = two_band.joint_whiteners(paths)
     unknown: list[list[Pulses]] = [[] for _ in blocks]
-    for part in pulses(wide, fit.x, point.link):
+    for part in two_band.pulses(wide, fit.x, point.link):
         unknown[part.block].append(part)
 
     def settled(at: tuple[int, int]) -> tuple[Array, Array]:

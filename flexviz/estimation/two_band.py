@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from flexviz.equation import (
     Layout,
     LinkTerms,
     OperatingPoint,
+    Pulses,
     Signals,
     build_signals,
     pulses,
@@ -111,7 +113,7 @@ class TwoBandData:
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
         twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
-        self._make_products = lambda: FilteredProducts(measurements, groups, wide_signals, twice, edge / 2)
+        self._make_products = partial(FilteredProducts, measurements, groups, wide_signals, twice, edge / 2)
         self._products = self._make_products() if settings.products else None
         self._set(layout)
 
@@ -157,9 +159,15 @@ class TwoBandData:
             s, link, slopes = found.torque[0], found.link, found.jacobian
         else:
             s, link, slopes = narrow.motor_side(x)[0][0], narrow.link_terms(x), None
-        products = self._products
-        residual = wide.residual(x) if products is None else products.residual(wide, x)
-        return BandEvaluation(x, wide, narrow, residual, s.copy(), link, slopes)
+        return BandEvaluation(x, wide, narrow, self.residual(wide, x), s.copy(), link, slopes)
+
+    def residual(self, wide: OperatingPoint, x: Array) -> Array:
+        """Residual of the wide band at x (P,), shape (N, n) [Nm]; `wide`: its operating point."""
+        return wide.residual(x) if self._products is None else self._products.residual(wide, x)
+
+    def pulses(self, wide: OperatingPoint, x: Array, link: LinkTerms) -> list[Pulses]:
+        """Unknown pulses in `residual`; `link`: rigid-body terms."""
+        return pulses(wide, x, link, products=self._products is not None)
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener per block, at the parameters x and the rigid-body terms of the narrow band."""
@@ -246,8 +254,7 @@ class TwoBandData:
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
         """One weighting per block: the whitener and the nuisance pulses at reversals."""
         x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
-        products = self._products is not None
-        for unknown in pulses(evaluation.wide_point, x, evaluation.link, products):
+        for unknown in self.pulses(evaluation.wide_point, x, evaluation.link):
             before = out[unknown.block]
             out[unknown.block] = before.with_unknown(unknown.columns, unknown.rows, unknown.begin)
         return out
