@@ -42,6 +42,7 @@ from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import layout_of
 from flexviz.estimation import ScoredCandidate, Weigh
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ class Search:
     def __init__(self, context: FitContext, say: Callable[[str], None]) -> None:
         self.context, self.say = context, say
         self.restart = Restart(context, self.check)
+        self.given = len(layout_of(context.measurements).effects)  # effects of the set's own model
         self.raw_step = max(s.step for g in context.fit_groups for s in g.segments)
 
     def check(self) -> None:
@@ -146,7 +148,7 @@ class Search:
             return self.rivals(fit, first, chosen[1:])
         refitted = [*([first] if first else []), *self.short_refits(fit, chosen[1:])]
         hidden = excess(fit) > LIMITS.hidden_excess  # more than the scores explain
-        started = gained.total >= ACCEPTANCE.least_gain
+        started = len(fit.layout.effects) > self.given
         loud = loudest(fit, LIMITS.hidden_joints if hidden else 1)
         if hidden and not started:
             refitted += self.underrated(fit, loud, scores)
