@@ -45,7 +45,10 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return []
     search.say(stages.AT_PLACE.format(place.joint))
-    first = _added(search, start, joint, Gained(0.0, np.zeros(start.layout.n)))
+    nothing = Gained(0.0, np.zeros(start.layout.n))
+    first = _added(search, start, joint, nothing)
+    if first is None and excess(fit) < needed.from_present:
+        first = _added(search, fit, joint, nothing)
     if first is None or first.after.objective > fit.objective:
         return []
     first = replace(first, before=fit)
