@@ -28,19 +28,18 @@ LATE = 4.0  # [s] start of a record
 
 @pytest.mark.parametrize("length", [1, 3, 10, 200])
 @pytest.mark.parametrize("where", ["first", "middle", "last"])
-@pytest.mark.parametrize(("entry", "most"), [("torque", 12), ("residual", 30)])
-def test_instants_and_sizes_of_pulses(where: str, length: int, entry: str, most: int) -> None:
-    """Every 10 ms, from 5 ms before to 5 ms after, so many at most, on the fine grid, within the record."""
+def test_instants_and_sizes_of_pulses(where: str, length: int) -> None:
+    """Every 10 ms, from 5 ms before to 5 ms after, 30 at most, on the fine grid, within the record."""
     time = LATE + np.arange(1001) / 512.0  # exact in binary
     motion, count = replace(moving(np.zeros(1001)), time=time), len(time)
     a = {"first": 0, "middle": 400, "last": count - length}[where]
     region = np.zeros(count, bool)
     region[a : a + length] = True
     size = 2.0 + np.sin(np.arange(count))
-    law: Any = SimpleNamespace(undecided=lambda *_: (region, size), entry=entry)
+    law: Any = SimpleNamespace(undecided=lambda *_: (region, size))
     times, sizes = undecided(law, motion, np.ones(1))
     ends = time[a] - 0.005, time[a + length - 1] + 0.005
-    number = min(int(np.ceil(round((ends[1] - ends[0]) / 0.01, 9))) + 1, most)
+    number = min(int(np.ceil(round((ends[1] - ends[0]) / 0.01, 9))) + 1, 30)
     grid = np.linspace(*ends, number)
     kept = grid[(grid > time[0]) & (grid < time[-1])]
     np.testing.assert_allclose(times, np.round(kept * 512) / 512, rtol=1e-12)
