@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.equation import Chain, FilteredProducts, LinkTerms, layout_of
+from flexviz.estimation.two_band import TwoBandData
 from flexviz.identification import identify
+from flexviz.measurements import Segment
 from flexviz.observers import FlatZeroPhase
+from flexviz.robot import Robot
+from tests.test_equation import made_up_set
 from tests.test_reversals import simulated
 
 LIGHT = "clean-2r-039-link_coulomb_friction"  # a light link that rings when the one before breaks loose
@@ -47,6 +53,18 @@ def test_pulses_whose_products_are_formed_before_the_filter() -> None:
     closer = np.abs(factors[:, 1] - factors[:, 0])
     assert np.all(closer < 0.01 * np.abs(factors[:, 0]).max(axis=1, keepdims=True))
     np.testing.assert_allclose(own, 2e-3)
+
+
+@pytest.mark.parametrize(("every", "fast_enough"), [(1, True), (5, True), (10, False)])
+def test_products_need_twice_the_band(every: int, fast_enough: bool) -> None:
+    whole = made_up_set(Robot.load("robots:planar_2r"), "link2", seconds=12.0)  # 500 Hz
+    thinned = [
+        replace(g, segments=tuple(Segment(s.time[::every], s.theta[::every], s.tau[::every], every * s.step)
+                                  for s in g.segments))
+        for g in whole.groups
+    ]  # fmt: skip
+    data = TwoBandData(whole, thinned, layout_of(whole))
+    assert data.with_products().has_products == fast_enough and not data.has_products
 
 
 def test_links_that_break_loose_leave_less(tmp_path: Path) -> None:

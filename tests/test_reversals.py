@@ -76,6 +76,5 @@ def test_impacts_of_a_large_backlash_leave_only_noise(tmp_path: Path) -> None:
     found = diagnose(simulated(tmp_path, LARGE, 109), apply=True)
     first = found.findings[0]
     assert (first.effect, first.joint) == ("backlash", "joint2") and first.confidence > 0.9
-    assert (
-        found.steps[-1].verdict == "nothing-missing"
-    )  # 11 times the noise where products are filtered ones'
+    # 11 times the noise where products are formed after the filter
+    assert found.steps[-1].verdict == "nothing-missing"

@@ -120,11 +120,7 @@ class Fit:
 
 
 class FitContext:
-    """Data of one diagnosis, shared by all models.
-
-    Attributes:
-        has_products: products of signals are formed before they are filtered.
-    """
+    """Data of one diagnosis, shared by all models."""
 
     def __init__(
         self, measurements: MeasurementSet, layout: Layout, weighing: WeightingSettings = SEARCH_WEIGHTING
@@ -134,8 +130,7 @@ class FitContext:
         held_out = [g for g in measurements.groups if g.validation]
         self.fit_groups, self.held_out_groups = fit, held_out
         laws = [EFFECTS[e.effect] for e in layout.effects]
-        self.has_products = any(law.hidden_state and law.where == "link" for law in laws)
-        if self.has_products:
+        if any(law.hidden_state and law.where == "link" for law in laws):
             weighing = replace(weighing, ridge=max(weighing.ridge, JERKY_RIDGE), products=True)
         self.two_band = TwoBandData(measurements, fit, layout, weighing)
         self.validation = TwoBandData(measurements, held_out, layout, weighing) if held_out else None
@@ -159,9 +154,7 @@ class FitContext:
 
     def with_products(self) -> FitContext:
         """The same data with products of signals that are formed before they are filtered."""
-        other = self._changed(lambda data: data.with_products())
-        other.has_products = True
-        return other
+        return self._changed(lambda data: data.with_products())
 
     def _changed(self, change: Callable[[TwoBandData], TwoBandData]) -> FitContext:
         other = copy(self)

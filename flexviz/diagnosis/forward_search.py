@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import (
-    Gained,
-    excess,
-    exhausted,
-    largest_excess,
-    removed_share,
-    verdict,
-)
+from flexviz.diagnosis.acceptance import Gained, excess, exhausted, largest_excess, removed_share, verdict
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.constancy import changing_size, explained_by_drift, removed
@@ -136,11 +129,13 @@ class ForwardSearch:
         Elsewhere, the simpler equation has less noise.
         """
         fit, least = self.final, LIMITS.products_excess
-        if self.context.has_products or not fit.layout.has_reversals or largest_excess(fit) < least:
+        if self.context.two_band.has_products or not fit.layout.has_reversals:
             return
-        if excess(fit) > LIMITS.products_most:
+        if largest_excess(fit) < least or excess(fit) > LIMITS.products_most:
             return
         context = self.context.with_products()
+        if not context.two_band.has_products:
+            return
         better = context.fit(
             fit.layout, fit.x, iterations=LIMITS.short_refit, check=self.search.check, near=fit
         )

@@ -82,6 +82,22 @@ class Chain:
         compliance = self._compliance[..., j]
         return factors, compliance[nearest] if compliance.ndim else np.full(len(at), compliance)
 
+    def pulses(self, u: Array | None, bends: Array, j: int, time: Array, at: Array) -> Array:
+        """∂r for the pulses of `of_pulses`, shape (N, n, P).
+
+        Args:
+            u: shape (P, 3, N), subtracted from s of joint j; None: `bends` are added to its q.
+            bends: shape (P, 3, N), what bends the joint.
+            j, time, at: as in `of_pulses`.
+        """
+        factors, compliance = self.of_pulses(time, at, j)
+        if u is not None:
+            factors *= compliance[:, None]
+        out: Array = -np.einsum("dpi,pdt->tip", factors, bends)
+        if u is not None:
+            out[:, j] -= u[:, 0].T
+        return out
+
     def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
         """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
         out = np.zeros(self._mass.shape[:2])

@@ -76,12 +76,10 @@ class EffectContext:
             other._at = self._at
         return other
 
-    def at_samples_of(self, signals: Signals, shared: dict[object, Any]) -> EffectContext:
-        """The same motions for effects at the samples of other signals of the same stretches."""
-        x, lay = self._x, self._layout
-        s = signals.tau - x[lay.motor_inertia] * signals.theta[2:] - x[lay.motor_viscous] * signals.theta[1:4]
-        q = signals.theta[:3] - x[lay.compliance] * s
-        other = EffectContext(self._link, signals, lay, shared, x, q, None, self._fine_bands())
+    def at_samples_of(self, signals: Signals, shared: dict[object, Any], q: Array) -> EffectContext:
+        """The same motions for effects at the samples of other signals; q there, shape (3, N, n)."""
+        bands = self._fine_bands()
+        other = EffectContext(self._link, signals, self._layout, shared, self._x, q, None, bands)
         other._of = self
         return other
 

@@ -59,7 +59,9 @@ class FilteredProducts:
     def residual(self, point: OperatingPoint, x: Array) -> Array:
         """Residual at x (P,), shape (N, n) [Nm]; `point`: operating point at the given signals."""
         equation = Equation(self._robot, self._finer, point.layout, self._shared)
-        seen = OperatingPoint(equation, point.x, point.context.at_samples_of(self._finer, self._shared), {})
+        q = equation.without_effects(point.x)
+        context = point.context.at_samples_of(self._finer, self._shared, q)
+        seen = OperatingPoint(equation, point.x, context, {})
         if equation.has_state:
             s, q = seen.motor_side(point.x)
             seen = seen.seeing(point.x, q, s[0])

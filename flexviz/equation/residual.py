@@ -93,7 +93,7 @@ class Equation:
         noticeable = 0.0 if follows else STATE_CHANGE
         if after is not None and not (self.has_state and after.left_behind(x, noticeable)):
             return after
-        q = self._without_effects(x)
+        q = self.without_effects(x)
         if after is None:
             context = EffectContext(self.link, self.signals, self.layout, self._shared, x, q)
             point = OperatingPoint(self, x, context, {})
@@ -115,7 +115,7 @@ class Equation:
         """Residual and Jacobian at x, shape (P,), which is also the operating point of the effects."""
         return self.at(x).evaluate(x)
 
-    def _without_effects(self, x: Array) -> Array:
+    def without_effects(self, x: Array) -> Array:
         """q without any effect, shape (3, N, n), as an initial link side for the effects."""
         lay, sig = self.layout, self.signals
         s = sig.tau - x[lay.motor_inertia] * sig.theta[2:] - x[lay.motor_viscous] * sig.theta[1:4]

@@ -111,20 +111,21 @@ def _of_stretch(
         if not len(filtered):
             continue
         part = chain.rows(slice(block.rows.start + begin, block.rows.start + rows.stop))
-        columns = np.stack([part.column(law.entry, (joint,), one[:, :, None]) for one in filtered], axis=2)
-        own, bends = filtered[: len(at)], filtered[: len(at)]
-        if lag and law.entry == "torque":  # a damped joint bends later
-            bends = point.context.pulses_block(index, at, joint, law.depth, seen, lag)
-            bends *= (sizes[there] / fine)[:, None, None]
-            for k, late in enumerate(bends):
-                columns[:, :, k] = part.torque(own[k], joint, late)
-        if products and law.entry != "residual":
-            factors, compliance = part.of_pulses(time[seen], times[there], joint)
-            if law.entry == "torque":
-                factors *= compliance[:, None]
-            columns[:, :, : len(at)] = -np.einsum("dmi,mdt->tim", factors, bends)
-            if law.entry == "torque":
-                columns[:, joint, : len(at)] -= own[:, 0].T
+        torque, bends = law.entry == "torque", filtered
+        if lag and torque:  # a damped joint bends later
+            bends = filtered.copy()
+            late = point.context.pulses_block(index, at, joint, law.depth, seen, lag)
+            bends[: len(at)] = late * (sizes[there] / fine)[:, None, None]
+        local = len(at) if products and law.entry != "residual" else 0
+        columns = np.empty((filtered.shape[2], point.layout.n, len(filtered)))
+        if local:
+            moved = filtered[:local] if torque else None
+            columns[:, :, :local] = part.pulses(moved, bends[:local], joint, time[seen], times[there])
+        for k in range(local, len(filtered)):
+            if torque:
+                columns[:, :, k] = part.torque(filtered[k], joint, bends[k])
+            else:
+                columns[:, :, k] = part.column(law.entry, (joint,), filtered[k, :, :, None])
         yield Pulses(index, rows, begin, columns)
 
 

@@ -49,6 +49,8 @@ EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
 # variance due to an unknown input relative to the noise: up to 1e6 on robots, little in a stiff, light wrist
 LEAST_INPUT, LARGEST_INPUT = 1e3, 1e7
 INPUT_RIDGE = 1e-11  # least ridge relative to that variance: what it hides stays well-conditioned
+# share of the wide band that the filter for products has to leave as it is; beyond, 1e-6 of it is left
+PASSED = 0.97
 NOISE_SAMPLES = 60  # samples from which the noise level is computed
 
 
@@ -114,7 +116,9 @@ class TwoBandData:
         self._shared: dict[object, Any] = {}
         twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
         self._make_products = partial(FilteredProducts, measurements, groups, wide_signals, twice, edge / 2)
-        self._products = self._make_products() if settings.products else None
+        # of slower recordings, the wider filter would cut what the wide one still lets pass
+        self._fast_enough = twice.bandwidth >= PASSED * wide.cutoff(0)
+        self._products = self._make_products() if settings.products and self._fast_enough else None
         self._set(layout)
 
     def _set(self, layout: Layout) -> None:
@@ -129,10 +133,15 @@ class TwoBandData:
         other._set(layout)
         return other
 
+    @property
+    def has_products(self) -> bool:
+        """Whether products of signals are formed before they are filtered."""
+        return self._products is not None
+
     def with_products(self) -> TwoBandData:
-        """The same data with products of signals that are formed before they are filtered."""
+        """The same data with products formed before they are filtered, if the recordings are fast enough."""
         other = copy(self)
-        other._products = self._make_products()
+        other._products = self._make_products() if self._fast_enough else None
         return other
 
     def with_model_error(self, variance: Array) -> TwoBandData:
@@ -167,7 +176,7 @@ class TwoBandData:
 
     def pulses(self, wide: OperatingPoint, x: Array, link: LinkTerms) -> list[Pulses]:
         """Unknown pulses in `residual`; `link`: rigid-body terms."""
-        return pulses(wide, x, link, products=self._products is not None)
+        return pulses(wide, x, link, products=self.has_products)
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener per block, at the parameters x and the rigid-body terms of the narrow band."""
