@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
+
+# matrices are small, and tests share the cores already: more threads would only wait for one another
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 

@@ -181,17 +181,20 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
 
 
-def test_one_joint_of_an_arm_may_be_structured_where_the_mean_is_not() -> None:
-    layout = Layout(tuple("abcdefg"))
-    quiet_joints = np.full(7, 1.05)
+@pytest.mark.parametrize("effects, noise, more", [((), 1.3, 3.2), (("coulomb_friction",), 2.6, 4.5)])
+def test_one_joint_of_an_arm_may_be_structured_where_the_mean_is_not(
+    effects: tuple[str, ...], noise: float, more: float
+) -> None:
+    layout = Layout(tuple("abcdefg"), tuple(ChosenEffect(name, 1) for name in effects))
 
     def bare(chi: float) -> Any:
-        values = np.append(quiet_joints[:6], chi)
+        values = np.append(np.full(6, 1.05), chi)
         return SimpleNamespace(chi=values, chi_held_out=values, layout=layout)
 
-    assert excess(bare(3.2)) < THRESHOLDS.acceptance.structured_excess_smooth
-    assert verdict(bare(3.2), bare(3.2)) == "unknown"
-    assert verdict(bare(1.3), bare(1.3)) == "nothing-missing"
+    limits = THRESHOLDS.acceptance
+    assert excess(bare(more)) < (limits.structured_excess if effects else limits.structured_excess_smooth)
+    assert verdict(bare(more), bare(more)) == "unknown"
+    assert verdict(bare(noise), bare(noise)) == "nothing-missing"
 
 
 @pytest.mark.parametrize(

@@ -152,11 +152,12 @@ def structured(fit: Fit, reference: Fit) -> bool:
     explained = excess(reference)
     hidden = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
     share = LIMITS.trace_share_hidden_state if hidden else LIMITS.trace_share
-    if fit.layout.has_reversals:
-        return excess(fit) > LIMITS.structured_excess + share * explained
-    smooth = LIMITS.structured_excess_smooth
-    trace = min(LIMITS.trace_share_smooth * explained, LIMITS.structured_excess - smooth) + share * explained
-    return excess(fit) > smooth + trace or largest_excess(fit) > LIMITS.structured_joint_smooth + trace
+    trace = share * explained
+    mean, joint = LIMITS.structured_excess, LIMITS.structured_joint
+    if not fit.layout.has_reversals:
+        mean, joint = LIMITS.structured_excess_smooth, LIMITS.structured_joint_smooth
+        trace += min(LIMITS.trace_share_smooth * explained, LIMITS.structured_excess - mean)
+    return excess(fit) > mean + trace or largest_excess(fit) > joint + trace
 
 
 def verdict(fit: Fit, reference: Fit) -> Verdict:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from flexviz._pinocchio import pin
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
+
+SIDE_BY_SIDE = 24  # joints of all copies: with more, the zeros between the copies take longer than calls
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,18 @@ class LinkTerms:
 
 
 class LinkDynamics:
-    """Evaluates Y(q, q̇, q̈) and the derivatives of Y Γ."""
+    """Evaluates Y(q, q̇, q̈) and the derivatives of Y Γ.
+
+    A call of Pinocchio takes longer than what it computes for a few joints, so that a model of several copies
+    of the robot, side by side, evaluates as many samples at once.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._model = robot.model.copy()
-        self._data = self._model.createData()
+        self._copies = max(1, SIDE_BY_SIDE // robot.n)
+        self._many = _side_by_side(self._model, self._copies)
+        self._data = self._many.createData()
         self._order = robot.order
         self._sorted = bool(np.array_equal(robot.order, np.arange(robot.n)))
         self._columns = (10 * robot.order[:, None] + np.arange(10)).ravel()
@@ -72,16 +81,18 @@ class LinkDynamics:
         count, n = q.shape
         dq, dv, mass = (np.empty((count, n, n)) for _ in range(3))
         q, v, a = self._rows(q, v, a)
-        model, data = self._model, self._data
+        model, data, square, wide = self._many, self._data, self._parts(n), self._parts(10 * n)
         derivatives, joint_regressor = pin.computeRNEADerivatives, pin.computeJointTorqueRegressor
         with self._under(gravity):
             for rows, parameters in blocks:
                 self._set(parameters)
-                states = zip(q[rows], v[rows], a[rows], strict=True)
-                for k, state in zip(range(*rows.indices(count)), states, strict=True):
-                    dq[k], dv[k], mass[k] = derivatives(model, data, *state)
+                for here, state in self._states(rows, q, v, a):
+                    of_q, of_v, of_a = derivatives(model, data, *state)
+                    size = here.stop - here.start
+                    dq[here], dv[here] = square(of_q)[:size], square(of_v)[:size]
+                    mass[here] = square(of_a.T)[:size]
                     if regressor is not None:
-                        regressor[k] = joint_regressor(model, data, *state)
+                        regressor[here] = wide(joint_regressor(model, data, *state))[:size]
         if self._sorted:
             return LinkTerms(dq, dv, mass)
         if regressor is not None:
@@ -108,19 +119,36 @@ class LinkDynamics:
         count, n = q.shape
         out = np.empty((count, n, 10 * n))
         q, v, a = self._rows(q, v, a)
-        for k in range(count):
-            out[k] = pin.computeJointTorqueRegressor(self._model, self._data, q[k], v[k], a[k])
+        own = self._parts(10 * n)
+        for here, state in self._states(slice(0, count), q, v, a):
+            found = pin.computeJointTorqueRegressor(self._many, self._data, *state)
+            out[here] = own(found)[: here.stop - here.start]
         return out if self._sorted else out[:, self._order][:, :, self._columns]
+
+    def _states(self, rows: slice, *levels: Array) -> Iterator[tuple[slice, Sequence[Array]]]:
+        """As many of the samples at a time as there are copies, and their states side by side."""
+        start, stop, _ = rows.indices(len(levels[0]))
+        whole = stop - (stop - start) % self._copies
+        many = [level[start:whole].reshape(-1, self._many.nv) for level in levels]
+        for first, state in zip(range(start, whole, self._copies), zip(*many, strict=True), strict=True):
+            yield slice(first, first + self._copies), state
+        if whole < stop:  # what the other copies do does not matter
+            yield slice(whole, stop), [np.resize(level[whole:stop], self._many.nv) for level in levels]
+
+    def _parts(self, width: int) -> Callable[[Array], Array]:
+        """Each copy's own part, (S, n, width), of a matrix for all of them, (S n, S width)."""
+        shape = self._copies, self._robot.n, self._copies, width
+        return lambda found: found.reshape(shape).diagonal(0, 0, 2).transpose(2, 0, 1)
 
     @contextmanager
     def _under(self, gravity: Array | None) -> Iterator[None]:
         usual = self._model.gravity.linear.copy()
         try:
             if gravity is not None:
-                self._model.gravity.linear = gravity
+                self._model.gravity.linear = self._many.gravity.linear = gravity
             yield
         finally:
-            self._model.gravity.linear = usual
+            self._model.gravity.linear = self._many.gravity.linear = usual
 
     def _rows(self, *levels: Array) -> list[Array]:
         return [np.ascontiguousarray(self._robot.to_pin(level)) for level in levels]
@@ -128,4 +156,24 @@ class LinkDynamics:
     def _set(self, parameters: Array) -> None:
         for i, row in enumerate(parameters):
             inertia = pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
-            self._model.inertias[1 + int(self._order[i])] = inertia
+            joint = 1 + int(self._order[i])
+            self._model.inertias[joint] = inertia
+            for k in range(self._copies):
+                self._many.inertias[joint + k * len(parameters)] = inertia
+
+
+def _side_by_side(model: Any, copies: int) -> Any:
+    """A model of copies of a robot on the same base; the joints of a copy follow one another."""
+    many = pin.Model()
+    many.gravity = model.gravity
+    for k in range(copies):
+        for joint in range(1, model.njoints):
+            parent = int(model.parents[joint])
+            at = many.addJoint(
+                parent + k * (model.njoints - 1) if parent else 0,
+                model.joints[joint],
+                model.jointPlacements[joint],
+                f"{k}: {model.names[joint]}",
+            )
+            many.inertias[at] = model.inertias[joint]
+    return many

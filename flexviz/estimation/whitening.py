@@ -198,15 +198,15 @@ def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Arr
     Returns:
         shape (p + 1, N, n, n); entries with t < k are zero.
     """
-    depth, count, n, sources = sensitivity.shape
+    depth, count, n, _ = sensitivity.shape
     out = np.zeros((len(kernel), count, n, n))
-    wide = (sensitivity * variance).transpose(1, 2, 0, 3).reshape(count, n, depth * sources)
-    for k, rho in enumerate(kernel):
-        if k >= count:
-            break
-        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))  # (D, N−k, n, m)
-        stacked = earlier.transpose(1, 0, 3, 2).reshape(count - k, depth * sources, n)
-        out[k, k:] = wide[k:] @ stacked
+    # (n, D, m, N): the samples follow one another in memory
+    along = np.ascontiguousarray(sensitivity.transpose(2, 0, 3, 1))
+    pairs = n, *along.shape  # of the joints of r_t and r_{t−k}
+    wide = np.broadcast_to((along * variance[:, None])[:, None], pairs)
+    for k, rho in enumerate(kernel[:count]):
+        earlier = np.broadcast_to((rho @ along.reshape(n, depth, -1)).reshape(along.shape), pairs)
+        out[k, k:] = np.einsum("abdmt,abdmt->tab", wide[..., k:], earlier[..., : count - k])
     return out
 
 
@@ -297,7 +297,7 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
 def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Array, Array]:
     """Predictor (T, p, n, n) of the samples t, and inverse Cholesky factor (T, n, n) of its error."""
     order, n = len(covariance) - 1, covariance.shape[2]
-    past = np.empty((len(t), order, n, order, n))
+    past = np.empty((len(t), order, n, order, n))  # its upper triangle: symmetric
     for i in range(order):
         row = covariance[: order - i, np.maximum(t - 1 - i, 0)]  # Cov(r_{t−1−i}, r_{t−1−j}) for j = i … p − 1
         missing = t - 1 - np.arange(i, order)[:, None] < 0
@@ -305,17 +305,28 @@ def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Arra
             row[missing] = 0.0
             row[0, missing[0]] = np.eye(n)
         past[:, i, :, i:, :] = row.transpose(1, 2, 0, 3)
-        past[:, i + 1 :, :, i, :] = row[1:].transpose(1, 0, 3, 2)
     cross = np.stack(
         [covariance[k + 1, t] for k in range(order)], axis=1
     )  # (T, p, n, n): Cov(r_t, r_{t−1−k})
     right = cross.transpose(0, 1, 3, 2).reshape(len(t), order * n, n)
     flat = past.reshape(len(t), order * n, order * n)
-    size = np.trace(covariance[0].mean(axis=0)) / n
-    weights = np.linalg.solve(flat + ridge * size * np.eye(order * n), right)
-    across = right.transpose(0, 2, 1) @ weights
-    remaining = covariance[0, t] - across - across.transpose(0, 2, 1)
-    remaining += weights.transpose(0, 2, 1) @ flat @ weights
+    added = ridge * np.trace(covariance[0].mean(axis=0)) / n
+    diagonal = np.arange(order * n)
+    flat[:, diagonal, diagonal] += added
+    weights = _solved(flat, right)
+    # with F w = b: Cov − bᵀ w − wᵀ b + wᵀ (F − ridge) w = Cov − bᵀ w − ridge wᵀ w
+    turned = weights.transpose(0, 2, 1)
+    remaining = covariance[0, t] - turned @ right - added * (turned @ weights)
     remaining = 0.5 * (remaining + remaining.transpose(0, 2, 1))
     scale = np.linalg.inv(np.linalg.cholesky(remaining))
     return weights.reshape(len(t), order, n, n).transpose(0, 1, 3, 2), scale
+
+
+def _solved(matrices: Array, right: Array) -> Array:
+    """Solutions, shape (T, P, m), of positive definite systems, upper triangles (T, P, P), with (T, P, m)."""
+    out = np.empty_like(right)
+    for k, (matrix, b) in enumerate(zip(matrices, right, strict=True)):
+        out[k], failed = sp.linalg.lapack.dposv(matrix.T, b, lower=True)[1:]
+        if failed:  # not positive definite to working precision
+            out[k] = np.linalg.solve(np.triu(matrix) + np.triu(matrix, 1).T, b)
+    return out
