@@ -68,7 +68,7 @@ def _added(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep |
     ranked = {s.effect: s for s in scores.ranked}
     tried = {s.effect: s for s in _leading(scores.ranked)}
     for effect in candidates(fit.layout, context.measurements.groups):
-        if effect.joint == joint and EFFECTS[effect.effect].absorbed_by_stiffness:  # scores mean little
+        if effect.joint == joint and EFFECTS[effect.effect].underrated:
             tried[effect] = ranked.get(effect) or unscored(effect, fit)
     trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
     far = excess(fit) > LIMITS.far_off

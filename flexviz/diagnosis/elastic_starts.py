@@ -1,6 +1,7 @@
-"""Elastic effects whose scores mean little: where they are tried, and from which values.
+"""Effects whose scores mean little: where they are tried, and from which values.
 
-A stiffness that has absorbed part of an elastic effect hides it from the score.
+A stiffness that has absorbed part of an elastic effect hides it from the score. A wrong friction of the link
+does the same to friction that depends on the load.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def starts(context: FitContext, fit: Fit, scored: ScoredCandidate) -> list[Model
     """A model with one more effect: at its score's values, and at those that the effect provides."""
     first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
     law, joint = EFFECTS[scored.effect.effect], scored.effect.joint
-    if not law.absorbed_by_stiffness or joint is None:
+    if not law.underrated or joint is None:
         return [first]
     compliance = float(fit.x[fit.layout.compliance][joint])
     rough = float(context.rough_compliance[joint])

@@ -14,6 +14,7 @@ from flexviz.diagnosis.acceptance import (
     credible,
     excess,
     held_to_be_zero,
+    largest_excess,
     needed_gain,
     only_an_offset,
     removed_share,
@@ -218,17 +219,17 @@ class Search:
     def underrated(
         self, fit: Fit, loud: list[int], scores: CandidateScores | None
     ) -> list[RefittedCandidate]:
-        """Refits of elastic effects whose scores mean little.
+        """Refits of effects whose scores mean little.
 
-        Those on the `loud` joints, from several starts; and those for which the score promises something only
-        with the wrong sign: near a biased model it may be wrong about that. Without `scores`: the former.
+        Those on the `loud` joints, from several starts; and, with `scores`, elastic ones for which these
+        promise something only with the wrong sign: near a biased model they may be wrong about that.
         """
         ranked = {s.effect: s for s in scores.ranked} if scores else {}
         out = []
         for effect in candidates(fit.layout, self.context.measurements.groups):
             law, is_loud = EFFECTS[effect.effect], effect.joint in loud
             wrong_sign = scores is not None and effect not in ranked
-            if not law.absorbed_by_stiffness or not (is_loud or wrong_sign):
+            if not (law.underrated if is_loud else law.absorbed_by_stiffness and wrong_sign):
                 continue
             scored = ranked.get(effect) or unscored(effect, fit)
             self.say(f"testing candidate{' from several starts' if is_loud else ''}: {law.title}")
@@ -268,9 +269,9 @@ class Search:
             if not rival.converged and rival.objective <= limit:
                 rival = self.continued(rival, LIMITS.full_refit, beat=tied)
             out.append(RefittedCandidate(s, rival))
-        if excess(leader.fit) > LIMITS.faint_excess:  # it may imitate what the scores hide
-            elastic = self.underrated(fit, loudest(leader.fit, 1), None)
-            out += self.halving([r for r in elastic if r.effect != leader.effect])
+        if excess(leader.fit) > LIMITS.faint_excess or largest_excess(leader.fit) > LIMITS.faint_joint:
+            hidden = self.underrated(fit, loudest(leader.fit, 1), None)
+            out += self.halving([r for r in hidden if r.effect != leader.effect])
         return Comparison(by_objective([leader, *out]), ruled_out)
 
     def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:

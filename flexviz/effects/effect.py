@@ -236,8 +236,13 @@ class Effect(ABC):
         """Whether a fitted stiffness can absorb part of it, so that its score is too low."""
         return self.where == "joint" and not self.flexible
 
+    @property
+    def underrated(self) -> bool:
+        """Whether parameters that are biased without the effect may hide it from its score."""
+        return self.absorbed_by_stiffness
+
     def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
-        """Starts that undo the absorption of the effect by the fitted compliance.
+        """Starts that undo the absorption of an underrated effect by the fitted compliance and friction.
 
         Args:
             torque: shape (N,), transmission torque of its joint [Nm].

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import JointScale
+from flexviz.effects.effect import ElasticStart, JointScale
 from flexviz.effects.law import LinearEffect, LoadedEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
+
+SMALL = 0.05  # coefficient from which a fit finds one that seemed to be negative
 
 
 class LoadDependentFriction(LinearEffect, LoadedEffect):
@@ -38,3 +40,10 @@ class LoadDependentFriction(LinearEffect, LoadedEffect):
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.1,)
+
+    @property
+    def underrated(self) -> bool:
+        return True  # with the link's own friction its load is wrong
+
+    def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
+        return [ElasticStart(np.array([SMALL]), compliance)]
