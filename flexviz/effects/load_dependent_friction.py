@@ -46,4 +46,4 @@ class LoadDependentFriction(LinearEffect, LoadedEffect):
         return True  # with the link's own friction its load is wrong
 
     def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
-        return [ElasticStart(np.array([SMALL]), compliance)]
+        return [ElasticStart((SMALL,), compliance)]
