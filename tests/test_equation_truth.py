@@ -298,7 +298,8 @@ def test_weights_offered_to_effects(offered: Offered) -> None:
             weight = pulled - free
             np.testing.assert_allclose(context.gravity_torque(axis)[block.rows], weight, atol=1e-9)
     assert np.abs(context.gravity_torque(0)).max() > 0.1 and np.abs(context.payload_torque("p1")).max() > 1.0
-    np.testing.assert_array_equal(equation.link._model.gravity.linear, robot.model.gravity.linear)
+    for model in (equation.link._model, equation.link._many):
+        np.testing.assert_array_equal(model.gravity.linear, robot.model.gravity.linear)
 
 
 @pytest.mark.parametrize(

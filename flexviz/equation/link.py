@@ -83,9 +83,9 @@ class LinkDynamics:
         q, v, a = self._rows(q, v, a)
         model, data, square, wide = self._many, self._data, self._parts(n), self._parts(10 * n)
         derivatives, joint_regressor = pin.computeRNEADerivatives, pin.computeJointTorqueRegressor
-        with self._under(gravity):
+        with _under(model, gravity):
             for rows, parameters in blocks:
-                self._set(parameters)
+                self._set(model, parameters)
                 for here, state in self._states(rows, q, v, a):
                     of_q, of_v, of_a = derivatives(model, data, *state)
                     size = here.stop - here.start
@@ -102,10 +102,11 @@ class LinkDynamics:
 
     def torque(self, parameters: Array, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]; `gravity` as in `evaluate`."""
-        self._set(parameters)
+        self._set(self._model, parameters)
         states = [level.T for level in self._rows(q, v, a)]
-        with self._under(gravity):  # one thread, like `evaluate`: the other cores have work of their own
+        with _under(self._model, gravity):
             pool = pin.ModelPool(self._model, 1)
+            # one thread, like `evaluate`: the other cores have work of their own
             torque = pin.rneaInParallel(1, pool, *states).T
         return self._robot.from_pin(torque.reshape(q.shape))  # Pinocchio drops an axis of length 1
 
@@ -140,26 +141,26 @@ class LinkDynamics:
         shape = self._copies, self._robot.n, self._copies, width
         return lambda found: found.reshape(shape).diagonal(0, 0, 2).transpose(2, 0, 1)
 
-    @contextmanager
-    def _under(self, gravity: Array | None) -> Iterator[None]:
-        usual = self._model.gravity.linear.copy()
-        try:
-            if gravity is not None:
-                self._model.gravity.linear = self._many.gravity.linear = gravity
-            yield
-        finally:
-            self._model.gravity.linear = self._many.gravity.linear = usual
-
     def _rows(self, *levels: Array) -> list[Array]:
         return [np.ascontiguousarray(self._robot.to_pin(level)) for level in levels]
 
-    def _set(self, parameters: Array) -> None:
+    def _set(self, model: Any, parameters: Array) -> None:
+        """Inertial parameters of the robot, or of each copy."""
         for i, row in enumerate(parameters):
             inertia = pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
-            joint = 1 + int(self._order[i])
-            self._model.inertias[joint] = inertia
-            for k in range(self._copies):
-                self._many.inertias[joint + k * len(parameters)] = inertia
+            for joint in range(1 + int(self._order[i]), model.njoints, len(parameters)):
+                model.inertias[joint] = inertia
+
+
+@contextmanager
+def _under(model: Any, gravity: Array | None) -> Iterator[None]:
+    usual = model.gravity.linear.copy()
+    try:
+        if gravity is not None:
+            model.gravity.linear = gravity
+        yield
+    finally:
+        model.gravity.linear = usual
 
 
 def _side_by_side(model: Any, copies: int) -> Any:
