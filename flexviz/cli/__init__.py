@@ -7,6 +7,8 @@ that `flexviz --help` is quick.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
@@ -72,6 +74,8 @@ def _root(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command (by default that of `sys.argv`) and return its exit code."""
+    # searching what is left at the end for garbage would take longer than ending
+    atexit.register(gc.freeze)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a C locale has no θ

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.loading import loading
+from flexviz.cli.loading import ReadMeanwhile, loading
 from flexviz.cli.options import (
     IdentificationOptions,
     JsonOption,
@@ -68,28 +68,27 @@ def diagnose(
     ),
 ) -> int:
     """Determine whether the model is complete, and if not, which effect is missing and where."""
-    with loading():
-        from flexviz.diagnosis import diagnose as search
-        from flexviz.diagnosis import why_no_curve
-        from flexviz.importing import with_plausibility_warnings
-        from flexviz.measurements import read_set
-        from flexviz.parallel import on_cores, usable_cores
+    from flexviz.parallel import on_cores, usable_cores
 
     if free_curve and not apply:
         raise InputError("--free-curve adds a step to the model, expected --apply beside it")
     terminal.check_output_file(json_file, ".json")
     terminal.check_output_file(draft_effect, ".py", new=True)
-    cores = on_cores(usable_cores())
-    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
-        measurements = with_plausibility_warnings(read_set(measurement_set))
-        result = search(
-            measurements,
-            apply=apply,
-            guarded=guard,
-            free_curve=free_curve,
-            progress=report,
-            should_stop=should_stop,
-        )
+    with on_cores(usable_cores()):
+        reading = ReadMeanwhile(measurement_set)
+        with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
+            with loading():
+                from flexviz.diagnosis import diagnose as search
+                from flexviz.diagnosis import why_no_curve
+
+            result = search(
+                reading.result(),
+                apply=apply,
+                guarded=guard,
+                free_curve=free_curve,
+                progress=report,
+                should_stop=should_stop,
+            )
     if free_curve and (result.steps[-1].added is None or not result.steps[-1].added.stopgap):
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
     terminal.show(result.document())

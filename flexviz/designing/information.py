@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, build_signals, layout_of
 from flexviz.errors import InputError
@@ -42,7 +41,7 @@ def information(columns: Array, density: Array, step: float) -> Array:
         step: [s].
     """
     count = len(columns)
-    spectrum = sp.fft.rfft(columns, axis=0)
+    spectrum = np.fft.rfft(columns, axis=0)
     share = np.full(len(spectrum), 2.0)  # a real signal's spectrum is counted twice but for its ends
     share[0] = 1.0
     if count % 2 == 0:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
+from flexviz.fourier import quick_length
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -60,9 +60,9 @@ def memory(residual: Array, stretches: Sequence[slice], longest: int) -> int:
     total = np.zeros(longest + 1)
     for rows in stretches:
         part = residual[rows]
-        length = sp.fft.next_fast_len(len(part) + longest + 1, real=True)
-        power = np.abs(sp.fft.rfft(part, length)) ** 2
-        total += sp.fft.irfft(power, length)[: longest + 1]
+        length = quick_length(len(part) + longest + 1)
+        power = np.abs(np.fft.rfft(part, length)) ** 2
+        total += np.fft.irfft(power, length)[: longest + 1]
     if total[0] <= 0:
         return 1
     small = np.flatnonzero(np.abs(total) < np.exp(-1) * total[0])
@@ -184,7 +184,7 @@ def mean_and_error(index: Ints, residual: Array, bins: int, folds: Folds) -> tup
         inside = np.zeros((rows.stop - rows.start, bins))
         inside[np.arange(len(inside)), index[rows]] = used[rows]
         seen = np.flatnonzero(inside.any(axis=0))
-        spectrum = np.abs(sp.fft.rfft(inside[:, seen], length, axis=0)) ** 2
+        spectrum = np.abs(np.fft.rfft(inside[:, seen], length, axis=0)) ** 2
         variance[seen] += power @ spectrum
     std = np.sqrt(variance) / np.maximum(count, 1)
     mean[count == 0] = std[count == 0] = np.nan
@@ -198,10 +198,10 @@ def remainder_spectrum(rest: Array, folds: Folds) -> tuple[int, Array]:
         length of the transform; power, shape (length // 2 + 1,).
     """
     rest = np.where(folds.used, rest, 0.0)
-    length = sp.fft.next_fast_len(2 * max(r.stop - r.start for r in folds.stretches), real=True)
+    length = quick_length(2 * max(r.stop - r.start for r in folds.stretches))
     power = np.zeros(length // 2 + 1)
     for rows in folds.stretches:
-        power += np.abs(sp.fft.rfft(rest[rows], length)) ** 2
+        power += np.abs(np.fft.rfft(rest[rows], length)) ** 2
     power /= max(int(folds.used.sum()), 1)
     half = max(1, len(power) // SMOOTHED_BANDS)
     kernel = np.hanning(2 * half + 3)[1:-1]

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import Folds, explained_by_prediction, make_folds, remainder_spectrum
 from flexviz.diagnosis.curves import KAPPAS, CurveResponse, Splines, curve_response, uniform_splines
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -174,7 +173,7 @@ def _covariance(shown: Array, hessian: Array, prior: Array, rest: Array, folds: 
     length, power = remainder_spectrum(rest, folds)
     score_covariance = np.zeros_like(hessian)
     for rows in folds.stretches:
-        f = sp.fft.rfft(shown[rows], length, axis=0) * np.sqrt(power)[:, None]
+        f = np.fft.rfft(shown[rows], length, axis=0) * np.sqrt(power)[:, None]
         score_covariance += f.real.T @ f.real + f.imag.T @ f.imag
     size = float(np.trace(score_covariance)) / max(float(np.sum(shown**2)), 1e-300)
     inverse = np.linalg.inv(hessian)

@@ -123,7 +123,7 @@ def periodogram(y: Array, step: float) -> tuple[Array, Array]:
     The Hann window limits leakage: the floor at low frequencies is decades below that at high ones.
     """
     window = np.hanning(len(y) + 2)[1:-1, None]
-    power = np.abs(sp.fft.rfft(y * window, axis=0)) ** 2 * (2 * step / float(np.sum(window**2)))
+    power = np.abs(np.fft.rfft(y * window, axis=0)) ** 2 * (2 * step / float(np.sum(window**2)))
     return np.arange(len(power)) / (len(y) * step), power
 
 

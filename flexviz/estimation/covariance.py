@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.estimation.linear_algebra import scaled_inverse
+from flexviz.fourier import quick_length
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     """
     size = jacobian.shape[2]
     longest = max(r.stop - r.start for r in rows)
-    length = sp.fft.next_fast_len(2 * longest, real=True)
+    length = quick_length(2 * longest)
     spectrum = cross_spectrum(residual, rows, length)
     total = np.zeros((size, size))
     share = np.full(length // 2 + 1, 2.0)  # one-sided spectrum: all but the first and last line count twice
@@ -86,7 +86,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     if length % 2 == 0:
         share[-1] = 1.0
     for r in rows:
-        j = sp.fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
+        j = np.fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
         factor = np.linalg.cholesky(spectrum + 1e-12 * np.eye(spectrum.shape[1]) * _mean_power(spectrum))
         left = np.matmul(factor.conj().transpose(0, 2, 1), j) * np.sqrt(share / length)[:, None, None]
         flat = left.reshape(-1, size)
@@ -108,7 +108,7 @@ def cross_spectrum(residual: Array, rows: Sequence[slice], length: int) -> Array
         part = residual[r]
         window = np.hanning(len(part) + 2)[1:-1, None]
         window /= np.sqrt(np.mean(window**2))
-        f = sp.fft.rfft(part * window, length, axis=0)
+        f = np.fft.rfft(part * window, length, axis=0)
         total += f[:, :, None] * f[:, None, :].conj()
         samples += len(part)
     total /= samples

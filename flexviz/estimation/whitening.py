@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from flexviz._scipy import sp
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
+from flexviz.fourier import quick_length
 from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
@@ -182,7 +183,7 @@ def _correlation(
                 continue
             density = gain * np.conj(with_it) * share
             density[-1] = density[-1].real
-            out[:, j, k] = sp.fft.irfft(density, length)[kept]
+            out[:, j, k] = np.fft.irfft(density, length)[kept]
     out.flags.writeable = False  # kept
     return out
 
@@ -253,7 +254,7 @@ def noise_score_covariance(
     Returns:
         shape (P, P).
     """
-    length = sp.fft.next_fast_len(2 * len(weights), real=True)
+    length = quick_length(2 * len(weights))
     omega = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
     share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
     share[0] = 1.0
@@ -263,7 +264,7 @@ def noise_score_covariance(
     size = weights.shape[2]
     total = np.zeros((len(omega), len(variance), size), complex)
     for matrix, gain in zip(path.matrices, path.derivatives.gains(observer.transfer, omega), strict=True):
-        passed = sp.fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
+        passed = np.fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
         total += np.conj(gain)[:, None, None] * passed
     flat = (total * scale[:, :, None]).reshape(-1, size)
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag

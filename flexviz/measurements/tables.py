@@ -10,16 +10,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pacsv
-import pyarrow.parquet as papq
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.limits import check_numbers
 from flexviz.measurements.data import Array
 from flexviz.schemas import first_repeated
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # loaded where a table is read: an analysis gets its set from a copy of the process
 
 CSV_BLOCK = 1 << 20  # [bytes]
 PARQUET_ROWS = 1 << 16  # rows a block
@@ -28,6 +29,8 @@ LARGEST = 1e30  # no quantity in SI units is larger
 
 def column_names(file: Path) -> list[str]:
     """Names of the columns of a table (CSV: spaces around a name do not count)."""
+    import pyarrow.parquet as papq
+
     with readable(file, table_kind(file)):
         if is_parquet(file):
             with papq.ParquetFile(file) as table:
@@ -51,6 +54,8 @@ def read_columns(file: Path, names: Sequence[str]) -> Array:
 
 def read_parquet(file: Path, names: Sequence[str]) -> Array:
     """The columns of a Parquet table (N, len(names)): a block of rows of one column at a time."""
+    import pyarrow.parquet as papq
+
     with papq.ParquetFile(file, pre_buffer=False) as table:
         check_numbers(table.metadata.num_rows, len(names), file)
         values = np.empty((len(names), table.metadata.num_rows))
@@ -64,6 +69,8 @@ def read_parquet(file: Path, names: Sequence[str]) -> Array:
 
 def read_csv(file: Path, names: Sequence[str]) -> Array:
     """The columns of a CSV table (N, len(names)): a block of rows at a time."""
+    import pyarrow as pa
+
     rows = most_csv_rows(file)
     check_numbers(rows, len(names), file)
     values = np.empty((len(names), rows))
@@ -85,11 +92,11 @@ def read_csv(file: Path, names: Sequence[str]) -> Array:
 
 def fill(target: Array, column: pa.Array, name: str, offset: int, file: Path) -> None:
     """Copy a block of one column into `target` (M,), refusing empty cells, NaN and infinity."""
+    from pyarrow import types
 
     def refuse(row: int, message: str) -> None:
         raise InputError(message, file=file, place=f"row {row_name(file, row + offset)}, column {name}")
 
-    types = pa.types
     if not (types.is_floating(column.type) or types.is_integer(column.type) or types.is_null(column.type)):
         message = f"the column holds {column.type}, expected numbers"
         raise InputError(message, file=file, place=f"column {name}")
@@ -167,6 +174,9 @@ def most_csv_rows(file: Path) -> int:
 
 def csv_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
     """Blocks of rows with the columns in the order of `names`."""
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+
     reading = pacsv.ReadOptions(
         use_threads=False, block_size=CSV_BLOCK, skip_rows=1, column_names=csv_header(file)
     )

@@ -11,9 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pacsv
-import pyarrow.parquet as papq
 
 from flexviz import toml
 from flexviz.errors import InputError
@@ -23,6 +20,8 @@ from flexviz.measurements.schema import FILE_NAME, FORMAT, parse
 from flexviz.schemas import first_repeated
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from flexviz.robot import PayloadBody
 
 SUFFIXES = {"parquet": ".parquet", "csv": ".csv"}
@@ -169,6 +168,8 @@ def body_entry(body: PayloadBody) -> dict[str, Any]:
 
 def table_of(group: GroupTable, joints: Sequence[str], single: bool) -> pa.Table:
     """The group's columns, in the format's names."""
+    import pyarrow as pa
+
     kind = pa.float32() if single else pa.float64()
     columns: dict[str, pa.Array] = {"time": pa.array(np.asarray(group.time, dtype=float))}
     for name in ("theta", "tau", *OPTIONAL_SIGNALS):
@@ -187,6 +188,10 @@ def table_of(group: GroupTable, joints: Sequence[str], single: bool) -> pa.Table
 
 def write_table(path: Path, table: pa.Table) -> None:
     """Write a table so that every number is read back exactly."""
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+    import pyarrow.parquet as papq
+
     if path.suffix == ".csv":
         exact = pa.table({name: table[name].cast(pa.float64()) for name in table.column_names})
         pacsv.write_csv(exact, path, pacsv.WriteOptions(quoting_style="none"))

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
+from flexviz.fourier import quick_length
 from flexviz.observers.base import Observer, largest_divisor
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class _Continued:
         wanted = int(np.ceil(margin / step / decimation)) * decimation
         pad = min(wanted, (count - 1) // decimation * decimation)
         self._step, self._decimation, self._pad = step, decimation, pad
-        self.length = sp.fft.next_fast_len(-(-(count + 2 * pad) // decimation), real=True)
+        self.length = quick_length(-(-(count + 2 * pad) // decimation))
         self._values = np.zeros((columns, self.length * decimation))
         body = self._values[:, pad : pad + count]
         if odd:
@@ -59,14 +59,14 @@ class _Continued:
     def spectrum(self) -> tuple[float, NDArray[np.complex128]]:
         """Length in time [s], and the transform up to the decimated Nyquist rate, shape (m, F)."""
         kept = self.length // 2 + 1
-        return self._values.shape[1] * self._step, sp.fft.rfft(self._values)[:, :kept]
+        return self._values.shape[1] * self._step, np.fft.rfft(self._values)[:, :kept]
 
     def samples(self, spectrum: NDArray[np.complex128], stride: int) -> Array:
         """Every stride-th sample of the record itself, shape (N', m), from a spectrum like `spectrum`'s."""
         first, outer = self._pad // self._decimation, stride // self._decimation
         count = -(-self._count // stride)
         picked = slice(first, first + (count - 1) * outer + 1, outer)
-        return sp.fft.irfft(spectrum, self.length)[:, picked].T
+        return np.fft.irfft(spectrum, self.length)[:, picked].T
 
 
 class ZeroPhaseObserver(Observer):
