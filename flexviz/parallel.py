@@ -92,6 +92,11 @@ class Background(Generic[Result]):
         self._function = function
         self._copy = _Copy(function) if begin and _allowed.get() > 1 else None
 
+    @property
+    def ready(self) -> bool:
+        """Whether to ask for the result is not to wait for another core."""
+        return self._copy is None or self._copy.ready
+
     def result(self) -> Result:
         """What the function returns. To be asked for once."""
         found = self._copy.answer() if self._copy is not None else None
@@ -204,6 +209,11 @@ class _Copy:
                 theirs.send((function(),))
             os._exit(0)  # nothing of the process that was copied is tidied up
         theirs.close()
+
+    @property
+    def ready(self) -> bool:
+        """Whether it has ended or failed."""
+        return self._number is None or self._pipe.poll()
 
     def answer(self) -> tuple[Any] | None:
         """The result in a tuple; None if the copy failed or is no longer wanted."""

@@ -24,6 +24,7 @@ from flexviz.files import write_file
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
+    from flexviz.progress import Progress
 
 GuardOption = Annotated[
     bool | None,
@@ -81,14 +82,19 @@ def diagnose(
                 from flexviz.diagnosis import diagnose as search
                 from flexviz.diagnosis import why_no_curve
 
+            def tell(news: Progress) -> None:
+                reading.warn()
+                report(news)
+
             result = search(
                 reading.result(),
                 apply=apply,
                 guarded=guard,
                 free_curve=free_curve,
-                progress=report,
+                progress=tell,
                 should_stop=should_stop,
             )
+        reading.warn(wait=True)
     if free_curve and (result.steps[-1].added is None or not result.steps[-1].added.stopgap):
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
     terminal.show(result.document())

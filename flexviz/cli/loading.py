@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import logging
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,9 @@ from flexviz.errors import FlexvizError
 
 if TYPE_CHECKING:
     from flexviz.measurements import MeasurementSet
+
+
+log = logging.getLogger(__name__)
 
 
 @contextlib.contextmanager
@@ -27,17 +31,8 @@ def loading() -> Iterator[None]:
             gc.enable()
 
 
-def read_checked(path: Path) -> MeasurementSet:
-    """Read a measurement set, with warnings of what its robot's masses contradict."""
-    with loading():
-        from flexviz.importing import with_plausibility_warnings
-        from flexviz.measurements import read_set
-
-    return with_plausibility_warnings(read_set(path))
-
-
 class ReadMeanwhile:
-    """A measurement set that another core reads and checks while this one imports what analyses it.
+    """A measurement set that another core reads, and then checks, while this one does other work.
 
     To be made before other threads are, in a context where several cores are allowed (`on_cores`).
     """
@@ -45,19 +40,41 @@ class ReadMeanwhile:
     def __init__(self, path: Path) -> None:
         from flexviz.parallel import Background
 
-        self._work = Background(partial(_outcome, path))
+        self._reading = Background(partial(_read, path))
+        self._checking: Background[list[str]] | None = None
 
     def result(self) -> MeasurementSet:
         """The set. To be asked for once."""
-        found = self._work.result()
+        from flexviz.parallel import Background
+
+        found = self._reading.result()
         if isinstance(found, FlexvizError):
             raise found
+        self._checking = Background(partial(_contradictions, found))
         return found
 
+    def warn(self, wait: bool = False) -> None:
+        """Log what the masses of the set's robot contradict, if that is known by now."""
+        checking = self._checking
+        if checking is not None and (wait or checking.ready):
+            self._checking = None
+            for text in checking.result():
+                log.warning("%s", text)
 
-def _outcome(path: Path) -> MeasurementSet | FlexvizError:
+
+def _read(path: Path) -> MeasurementSet | FlexvizError:
     """The set, or why it cannot be used: a copy of the process that raises would send nothing."""
+    with loading():
+        from flexviz.measurements import read_set
+
     try:
-        return read_checked(path)
+        return read_set(path)
     except FlexvizError as error:
         return error
+
+
+def _contradictions(measurements: MeasurementSet) -> list[str]:
+    with loading():
+        from flexviz.importing import plausibility_warnings
+
+    return plausibility_warnings(measurements)

@@ -6,7 +6,7 @@ from flexviz.importing.draft import Person, Questions
 from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs
 from flexviz.importing.mapping import Issue, Mapping, read_mapping
-from flexviz.importing.plausibility import issues_of_set, with_plausibility_warnings
+from flexviz.importing.plausibility import issues_of_set, plausibility_warnings, with_plausibility_warnings
 
 __all__ = [
     "Imported",
@@ -18,6 +18,7 @@ __all__ = [
     "import_logs",
     "inspect_logs",
     "issues_of_set",
+    "plausibility_warnings",
     "read_mapping",
     "with_plausibility_warnings",
 ]

@@ -73,19 +73,21 @@ def check_range(mapping: Mapping, model: TorqueModel) -> list[Issue]:
 
 
 def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
-    """The set with a warning, logged too, for everything that its robot's masses contradict.
+    """The set with a warning, logged too, for everything that its robot's masses contradict."""
+    texts = plausibility_warnings(measurements)
+    for text in texts:
+        log.warning("%s", text)
+    return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
+
+
+def plausibility_warnings(measurements: MeasurementSet) -> list[str]:
+    """What a set's robot contradicts.
 
     An identification alone would silently fit a torque of the wrong sign or an angle in degrees.
     """
     file = measurements.path / "measurements.toml"
-    texts = [
-        f"{file}: {issue}"
-        for issue in issues_of_set(measurements, closely=False)
-        if issue.severity == "wrong"
-    ]
-    for text in texts:
-        log.warning("%s", text)
-    return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
+    issues = issues_of_set(measurements, closely=False)
+    return [f"{file}: {issue}" for issue in issues if issue.severity == "wrong"]
 
 
 def issues_of_set(
