@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -10,15 +11,20 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
+from flexviz.cli.loading import ReadMeanwhile
+from flexviz.errors import InputError
 from flexviz.importing import import_logs, with_plausibility_warnings
 from flexviz.importing.delays import delay_issues, torque_delay
 from flexviz.importing.mapping import Fix, Issue, Mapping, parse
 from flexviz.importing.plausibility import check_groups
 from flexviz.importing.torque_model import LoadedTable
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
+from flexviz.parallel import on_cores, usable_cores
 from flexviz.robot import Robot
 
 DEGREE = np.pi / 180
@@ -337,6 +343,28 @@ def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
     (text,) = doubted.warnings
     assert text == caplog.messages[-1]
     assert text.startswith(f"{tmp_path / 'measurements.toml'}: tau of joint2: with sign = -1")
+
+
+def test_a_diagnosis_says_what_its_set_contradicts(
+    demo: MeasurementSet, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A core that checks the set beside the analysis says the same, and a bad set is one error."""
+    folder = shutil.copytree(demo.path, tmp_path / "set")
+    for group in demo.groups:
+        table = pq.read_table(folder / group.file.name)
+        at = table.column_names.index("tau_joint2")
+        turned = table.set_column(at, "tau_joint2", pc.negate(table["tau_joint2"]))
+        pq.write_table(turned, folder / group.file.name)
+    with on_cores(usable_cores()):
+        reading = ReadMeanwhile(folder)
+        assert reading.result().joints == demo.joints
+        with caplog.at_level("WARNING"):
+            reading.warn(wait=True)
+            reading.warn(wait=True)
+        (text,) = caplog.messages
+        assert "tau of joint2: with sign = -1" in text
+        with pytest.raises(InputError, match="file not found"):
+            ReadMeanwhile(tmp_path / "nothing").result()
 
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice cases are not here")

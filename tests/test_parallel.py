@@ -50,6 +50,23 @@ def test_the_work_is_shared() -> None:
 
 
 @TWO
+def test_work_says_when_it_is_done() -> None:
+    assert Background(os.getpid).ready  # nobody else is waited for
+    with on_cores(2):
+        work = Background(lambda: time.sleep(0.3))
+        assert not work.ready
+        deadline = time.monotonic() + 20
+        while not work.ready and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert work.ready and work.result() is None
+        failing = Background(lambda: os.kill(os.getpid(), signal.SIGKILL))
+        while not failing.ready and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert failing.ready
+        failing.close()
+
+
+@TWO
 @pytest.mark.parametrize("count", [1, 6])
 def test_own_work_is_done_here_while_a_copy_works(count: int) -> None:
     here = os.getpid()

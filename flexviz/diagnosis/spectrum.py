@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import shortest_run
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import JointResiduals, joint_residuals
+from flexviz.statistics import chi_square_tail
 
 Array = NDArray[np.float64]
 
 PASSED = 1.3  # upper limit relative to the flat band; above, the floor is too steep to divide by
 BANDS = 40  # of equal width
-LAGS = 25  # of the portmanteau statistic
+LAGS = 25  # of the portmanteau statistic; odd for `chi_square_tail`
 HANN_LINES = 1.94  # lines of a Hann-windowed spectrum per independent line
 
 
@@ -140,4 +140,4 @@ def whiteness(ratio: Array, hertz: Array, top: float) -> tuple[Array, Array]:
     waves = np.cos(np.outer(np.pi * np.arange(LAGS + 1) / top, hertz)) @ ratio
     correlation = waves[1:] / np.maximum(waves[0], 1e-300)
     statistic = 2 * len(hertz) / HANN_LINES * np.sum(correlation**2, axis=0)
-    return statistic, np.asarray(sp.special.gammaincc(LAGS / 2, statistic / 2), float)
+    return statistic, np.array([chi_square_tail(float(one), LAGS) for one in statistic])

@@ -15,7 +15,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.effects.law import LawEffect, LoadedEffect
 from flexviz.effects.terms import SIGN_VELOCITY, Array, JointMotion, JointState, ParameterSpec, smooth_sign
 
@@ -28,10 +27,32 @@ DIRECTIONS = ("forward", "backward")
 
 
 @cache
-def _cardinal(order: int) -> Callable[[Array], Array]:
-    """Splines that are one at one node and zero at the others, or their derivative: (N,) → (N, NODES)."""
-    spline = sp.interpolate.CubicSpline(np.arange(NODES), np.eye(NODES), bc_type="natural")
-    return spline if order == 0 else spline.derivative(order)
+def _curvature() -> Array:
+    """Second derivatives at the nodes of the splines that are one at one node and zero at the others.
+
+    Shape (NODES, NODES): nodes; splines (de Boor, A Practical Guide to Splines, chapter IV).
+    """
+    out = np.zeros((NODES, NODES))
+    matrix = np.eye(NODES - 2, k=-1) + 4 * np.eye(NODES - 2) + np.eye(NODES - 2, k=1)
+    out[1:-1] = np.linalg.solve(matrix, 6 * np.diff(np.eye(NODES), 2, axis=0))
+    return out
+
+
+def _cardinal(place: Array, order: int) -> Array:
+    """These splines, or their first or second derivatives, at N places 0 … NODES − 1, shape (N, NODES)."""
+    before = np.clip(place.astype(int), 0, NODES - 2)
+    u = place - before
+    # of the values and of the second derivatives at the nodes before and after
+    values, bends = (
+        ((1 - u, u), ((1 - u) * ((1 - u) ** 2 - 1) / 6, u * (u**2 - 1) / 6)),
+        ((-1.0, 1.0), ((1 - 3 * (1 - u) ** 2) / 6, (3 * u**2 - 1) / 6)),
+        ((0.0, 0.0), (1 - u, u)),
+    )[order]
+    rows, curvature = np.arange(len(place)), _curvature()
+    out: Array = bends[0][:, None] * curvature[before] + bends[1][:, None] * curvature[before + 1]
+    for k in range(2):
+        out[rows, before + k] += values[k]
+    return out
 
 
 class FreeCurveEffect(LawEffect):
@@ -97,7 +118,7 @@ class FreeCurveEffect(LawEffect):
     def design(self, value: Array, velocity: Array, values: Array, order: int = 0) -> Array:
         """∂u/∂(node) at M instants, or its derivative by the place in nodes, shape (M, sides · nodes)."""
         place = self.place(value, values)
-        one = _cardinal(order)(place)
+        one = _cardinal(place, order)
         if order:
             one = one * ((place > 0) & (place < NODES - 1))[:, None]
         if self.opposes:
@@ -157,7 +178,7 @@ class FreeCurveEffect(LawEffect):
         """The variable, shape (M,), and the torque there, shape (sides, M) [Nm], for tables and plots."""
         place: Array = np.linspace(0, NODES - 1, per_node * (NODES - 1) + 1)
         at: Array = values[0] + (values[1] - values[0]) * place / (NODES - 1)
-        return at, (_cardinal(0)(place) @ self.node_values(values).T).T
+        return at, (_cardinal(place, 0) @ self.node_values(values).T).T
 
     # -- range and prior
 
