@@ -262,18 +262,18 @@ def test_a_gap_that_the_compliance_has_absorbed() -> None:
     c, b = 1e-3, 0.012
     fitted = float((c * s + b * np.sign(s)) @ s / (s @ s))
     own = ("backlash", "load_dependent_friction")
-    starts = backlash.elastic_starts(s, fitted, c)
+    starts = backlash.hidden_starts(s, fitted, c)
     assert starts[-1].values == pytest.approx((b,)) and starts[-1].compliance == pytest.approx(c)
     shares = [start.values[0] / (fitted * rms(s)) for start in starts[:-1]]
     assert shares == sorted(shares) and 0.05 < shares[0] < 0.2 and 0.5 < shares[-1] < 1.0
     for start in starts:
         left = fitted - start.values[0] * np.mean(np.abs(s)) / np.mean(s**2)
         assert start.compliance == pytest.approx(max(left, 0.2 * fitted))
-    near_rigid = backlash.elastic_starts(s, fitted, 0.05 * c)[-1]  # a gap takes most of it, but not all
+    near_rigid = backlash.hidden_starts(s, fitted, 0.05 * c)[-1]  # a gap takes most of it, but not all
     assert near_rigid.compliance == pytest.approx(0.2 * fitted)
-    stiffer = backlash.elastic_starts(s, c, 2 * c)  # a joint stiffer than the rough value has absorbed none
+    stiffer = backlash.hidden_starts(s, c, 2 * c)  # a joint stiffer than the rough value has absorbed none
     assert len(stiffer) == len(starts) - 1 and all(start.values[0] > 0 for start in stiffer)
-    assert all(not e.elastic_starts(s, fitted, c) for e in EFFECTS.values() if e.name not in own)
+    assert all(not e.hidden_starts(s, fitted, c) for e in EFFECTS.values() if e.name not in own)
 
 
 def test_one_effect_starts_from_another() -> None:

@@ -17,8 +17,8 @@ from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, removed_share, structured
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
-from flexviz.diagnosis.elastic_starts import starts
 from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.hidden_starts import starts
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace

@@ -37,8 +37,8 @@ from flexviz.diagnosis.comparison import (
     optimistic_gain,
     unscored,
 )
-from flexviz.diagnosis.elastic_starts import loudest, starts
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.hidden_starts import loudest, starts
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.thresholds import THRESHOLDS

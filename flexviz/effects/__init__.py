@@ -1,7 +1,7 @@
 """Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
 from flexviz.effects.curve_forms import CurveForm, curve_points, simple_form
-from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
+from flexviz.effects.effect import Effect, EffectEvidence, HiddenStart, JointScale
 from flexviz.effects.effect_draft import draft_effect
 from flexviz.effects.free_curve import CURVES, FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
@@ -35,9 +35,9 @@ __all__ = [
     "Effect",
     "EffectEvidence",
     "EffectTarget",
-    "ElasticStart",
     "FreeCurveEffect",
     "Guess",
+    "HiddenStart",
     "JointMotion",
     "JointScale",
     "JointState",

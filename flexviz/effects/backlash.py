@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects.effect import EffectEvidence, ElasticStart, JointScale
+from flexviz.effects.effect import EffectEvidence, HiddenStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
@@ -51,13 +51,13 @@ class Backlash(LawEffect):
         torque = evidence.torque
         return min(float((torque > 0).mean()), float((torque < 0).mean())) < MIN_REVERSED_SHARE
 
-    def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
+    def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
         """Several gaps b, each with b E|s| / E s² less compliance; the last ends at the rough one."""
         lever = float(np.mean(np.abs(torque)) / np.mean(torque**2))
         sizes = [share * compliance * float(np.sqrt(np.mean(torque**2))) for share in START_SHARES]
         sizes.append((compliance - rough) / lever)
         return [
-            ElasticStart((size,), max(compliance - size * lever, LEAST_COMPLIANCE * compliance))
+            HiddenStart((size,), max(compliance - size * lever, LEAST_COMPLIANCE * compliance))
             for size in sizes
             if size > 0
         ]

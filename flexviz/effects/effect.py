@@ -67,7 +67,7 @@ class JointScale:
 
 
 @dataclass(frozen=True)
-class ElasticStart:
+class HiddenStart:
     """Initial parameters of an effect, and the matching compliance of the joint [rad/Nm]."""
 
     values: tuple[float, ...]
@@ -241,7 +241,7 @@ class Effect(ABC):
         """Whether parameters that are biased without the effect may hide it from its score."""
         return self.absorbed_by_stiffness
 
-    def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
+    def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
         """Starts that undo the absorption of an underrated effect by the fitted compliance and friction.
 
         Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import ElasticStart, JointScale
+from flexviz.effects.effect import HiddenStart, JointScale
 from flexviz.effects.law import LinearEffect, LoadedEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
@@ -45,5 +45,5 @@ class LoadDependentFriction(LinearEffect, LoadedEffect):
     def underrated(self) -> bool:
         return True  # with the link's own friction its load is wrong
 
-    def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
-        return [ElasticStart((SMALL,), compliance)]
+    def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
+        return [HiddenStart((SMALL,), compliance)]

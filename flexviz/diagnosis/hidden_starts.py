@@ -32,9 +32,9 @@ def starts(context: FitContext, fit: Fit, scored: ScoredCandidate) -> list[Model
     compliance = float(fit.x[fit.layout.compliance][joint])
     rough = float(context.rough_compliance[joint])
     found = [first]
-    for elastic in law.elastic_starts(fit.point.torque[:, joint], compliance, rough):
+    for hidden in law.hidden_starts(fit.point.torque[:, joint], compliance, rough):
         x = first.x.copy()
-        x[first.layout.effect_slices()[-1][1]] = elastic.values
-        x[first.layout.compliance.start + joint] = elastic.compliance
+        x[first.layout.effect_slices()[-1][1]] = hidden.values
+        x[first.layout.compliance.start + joint] = hidden.compliance
         found.append(ModelStart(first.layout, x))
     return found

@@ -10,8 +10,8 @@ import pytest
 
 from flexviz.diagnosis.candidates import ModelStart
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate
-from flexviz.diagnosis.elastic_starts import loudest
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.hidden_starts import loudest
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
