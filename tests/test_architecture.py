@@ -31,6 +31,7 @@ LAYERS = (
         "resources",
         "progress",
         "statistics",
+        "fourier",
         "jobs",
         "parallel",
         "recent",
