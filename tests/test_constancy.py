@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, diagnose, forward_search
+from flexviz.diagnosis import Diagnosis, constancy, diagnose, forward_search
 from flexviz.diagnosis.acceptance import Gained, exhausted, held_to_be_zero, verdict
 from flexviz.diagnosis.conclusion import Conclusion
 from flexviz.diagnosis.constancy import ChangingSize, changing_size
@@ -95,6 +95,20 @@ def test_a_constant_friction_is_constant(demo: MeasurementSet, diagnosed_demo: D
             assert (found.start, found.end) == pytest.approx(ends, rel=0.25 if along_load else 0.1)
             assert ("grows" in found.text) == (share > 0)
             assert changing_size(context, fit, rival=found.gain) is None
+
+
+def test_what_grows_from_nothing_is_not_constant_whatever_else_is_left(
+    demo: MeasurementSet, diagnosed_demo: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout = Layout(demo.joints, (FRICTION,))
+    assert diagnosed_demo.model is not None
+    for share, along_load, changing in ((1.0, False, True), (0.6, False, False), (1.0, True, False)):
+        context = FitContext(with_growing_friction(demo, share, along_load), layout)
+        fit = context.fit(layout, layout.vector(diagnosed_demo.model), iterations=3)
+        assert changing_size(context, fit) is not None
+        with monkeypatch.context() as patch:
+            patch.setattr(constancy, "sum_above_noise", lambda fit: 1e12)
+            assert (changing_size(context, fit) is not None) == changing
 
 
 def test_a_share_of_friction_counts_as_a_torque(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:

@@ -76,7 +76,7 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
         return None
     z, projection = fit.point.z, context.projection(fit)
     left = sum_above_noise(fit)
-    least = max(LIMITS.changing_gain, LIMITS.changing_share_of_left * left, LIMITS.changing_lead * rival)
+    least = max(LIMITS.changing_gain, LIMITS.changing_lead * rival)
     time = _time_within_groups(context)
     found = []
     for effect, k, column in sized:
@@ -84,7 +84,12 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
             variable = time if along == "time" else _standardised(fit.point.torque[:, effect.joint])
             signature = (z[:, :, column] * variable[:, None]).reshape(-1, 1)
             change, gain = explained(*projection.normal(signature))
-            if gain <= least or abs(change[0]) <= LIMITS.changing_share * abs(fit.x[column]):
+            relative = abs(change[0]) / max(abs(fit.x[column]), 1e-300)
+            if gain <= least or relative <= LIMITS.changing_share:
+                continue
+            # a size that grows from nothing is not constant, whatever else the model leaves
+            whole = along == "time" and relative > LIMITS.changing_whole
+            if gain <= LIMITS.changing_share_of_left * left and not whole:
                 continue
             middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
             spec = EFFECTS[effect.effect].parameters[k]
