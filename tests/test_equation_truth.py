@@ -16,7 +16,7 @@ import pytest
 
 from flexviz._pinocchio import pin
 from flexviz.effects import ChosenEffect
-from flexviz.equation import Equation, Layout, LinkDynamics, build_signals
+from flexviz.equation import Equation, Layout, LinkDynamics, Pulses, build_signals
 from flexviz.equation.context import EffectContext
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import FlatZeroPhase
@@ -170,6 +170,17 @@ def exact_set(robot: Robot, hidden: Hidden) -> MeasurementSet:
         tuple(groups),
         True,
     )
+
+
+def all_columns(pulses_: Pulses, begin: int = 0) -> np.ndarray:
+    """Of the samples of a stretch from `begin` to the last one in which they count, (N, n, M)."""
+    out = np.zeros((pulses_.rows.stop - begin, 2, pulses_.count))
+    at = 0
+    for group in pulses_.groups:
+        count = group.columns.shape[2]
+        out[group.first - begin :][: len(group.columns), :, at : at + count] = group.columns
+        at += count
+    return out
 
 
 def at_the_truth(hidden: Hidden, hertz: float, drop: float) -> tuple[Equation, np.ndarray]:

@@ -13,9 +13,9 @@ from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, Pulses, fine_signals, pulses, reversal_nuisance
+from flexviz.equation import Layout, PulseGroup, Pulses, fine_signals, pulses, reversal_nuisance
 from flexviz.equation.fine_signals import FineSignals
-from flexviz.estimation import least_squares, noise_weighting, score_test, whitening
+from flexviz.estimation import least_squares, score_test, whitening
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import Whitener
 from flexviz.measurements import read_set
@@ -106,14 +106,19 @@ def test_whitening_in_chunks_is_whitening(monkeypatch: pytest.MonkeyPatch, chunk
     np.testing.assert_allclose(late, tool.apply(y)[20:], atol=1e-12)
 
 
-def test_unknown_columns_are_kept_without_their_zeros(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(noise_weighting, "COLUMNS_TOGETHER", 4)
+def test_unknown_columns_are_whitened_and_kept_without_their_zeros() -> None:
     count, pulses_ = 400, 40
     tool = some_whitener(count)
     columns = np.zeros((count, 2, pulses_))
     for k in range(pulses_):
         columns[10 * k : 10 * k + 6, :, k] = np.random.default_rng(k).standard_normal((6, 2))
-    weighting = NoiseWeighting(tool).with_unknown(columns, slice(0, count))
+    groups = [
+        PulseGroup(10 * k, columns[10 * k : 10 * (k + 4) - 4, :, k : k + 4]) for k in range(0, pulses_, 4)
+    ]
+    # an unknown initial state lasts for long, beside all others
+    lasting = np.random.default_rng(2).standard_normal((count, 2, 1))
+    columns, pulses_ = np.concatenate((columns, lasting), axis=2), pulses_ + 1
+    weighting = NoiseWeighting(tool).with_unknown([*groups, PulseGroup(0, lasting)], slice(0, count))
     white = dense(tool, count) @ columns.reshape(-1, pulses_)
     matrix = np.eye(2 * count) + white @ white.T
     y = np.random.default_rng(1).standard_normal((count, 2, 3))
@@ -150,10 +155,12 @@ def test_the_pulses_of_a_long_stretch_take_memory_with_its_length(
         seen = np.concatenate([np.arange(r.start, r.stop) for r in rows])
         count = two_band.blocks[block].rows.stop - two_band.blocks[block].rows.start
         assert len(rows) > 2 and len(set(seen)) == len(seen)
-        pulses_in = [p.columns.shape[2] for p in parts if p.block == block]
-        most = next(p.columns.shape[2] for p in whole if p.block == block)
+        pulses_in = [p.count for p in parts if p.block == block]
+        most = next(p.count for p in whole if p.block == block)
         assert sum(pulses_in) >= most or len(seen) < count  # none is lost; those at a border are in both
-    assert sum(p.columns.size for p in parts) < 0.8 * sum(p.columns.size for p in whole)
+    sizes = [[g.columns.size for p in some for g in p.groups] for some in (parts, whole)]
+    assert sum(sizes[0]) < 1.5 * sum(sizes[1])  # those at a border are in both
+    assert sum(sizes[1]) < 0.3 * sum(p.dense(0).size for p in whole) * layout.n
     error = np.sqrt(np.mean((white_in_parts - white) ** 2) / np.mean(white**2))
     assert error < 0.05
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from flexviz.estimation import (
     bounded_step,
     noise_density,
     noise_paths,
+    whitened,
 )
 from flexviz.observers import FlatZeroPhase
 from flexviz.parallel import shared
@@ -124,9 +125,14 @@ def settled_reversals(
     residual = residual.copy()
     white = whitener.apply(residual[:, None])[:, 0] * used
     for part in pulses:
-        rows, columns = part.rows, part.columns[:, joint]
-        inside = slice(rows.start - part.begin, None)
-        seen = whitener.apply(columns[:, None, :], part.begin)[inside, 0] * used[rows, None]
+        rows, columns = part.rows, part.dense(joint)
+        seen, at = np.zeros_like(columns), 0
+        for group in part.groups:
+            own = replace(group, columns=group.columns[:, joint : joint + 1])
+            first, there = whitened(whitener, own, rows)
+            end = at + there.shape[2]
+            seen[first : first + len(there), at:end], at = there[:, 0], end
+        seen *= used[rows, None]
         # of the smaller Gram matrix: friction at rest may give thousands of pulses
         if seen.shape[1] > len(seen):
             squares, left = _spectrum(seen @ seen.T)
@@ -138,7 +144,7 @@ def settled_reversals(
         white[rows] -= left @ ((1 - 1 / np.sqrt(1 + squares)) * along)
         # a residual above the noise must not be absorbed by the pulses
         chi = max(1.0, float(np.sum(white[rows] ** 2)) / max(int(used[rows].sum()), 1))
-        residual[rows] -= columns[inside] @ (right @ (np.sqrt(squares) * along / (chi + squares)))
+        residual[rows] -= columns @ (right @ (np.sqrt(squares) * along / (chi + squares)))
     return residual, white
 
 

@@ -109,3 +109,17 @@ class Chain:
             else:
                 out[:, j] -= u[0, :, k]
         return out
+
+    def columns(self, entry: str, j: int, u: Array, bends: Array) -> Array:
+        """∂r for several u, shape (P, D, N), that enter at joint j: shape (N, n, P).
+
+        `bends`: likewise, what bends the joint where u is a torque; u itself, or something later.
+        """
+        out = np.zeros((*self._mass.shape[:2], len(u)))
+        if entry != "residual":
+            moved = self._compliance[..., j] * bends if entry == "torque" else u
+            for d, factor in enumerate((self._dq, self._damping, self._mass)):
+                out -= factor[:, :, j, None] * moved[:, d].T[:, None]
+        if entry != "deflection":
+            out[:, j] -= u[:, 0].T
+        return out

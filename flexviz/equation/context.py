@@ -203,6 +203,18 @@ class EffectContext:
         since = np.clip(self._sampled(index)[None, rows] - at[:, None], -reach - 1, reach + 1)
         return kernel[:depth, since + reach + 1].transpose(1, 0, 2)
 
+    def pulse_rows(self, index: int, at: NDArray[np.intp], joint: int, inside: slice) -> slice:
+        """Samples of a stretch where pulses at fine instants `at` (M,) are not zero, two at least.
+
+        `inside`: samples of the stretch that are looked at.
+        """
+        sampled = self._sampled(index)[inside]
+        reach = self._impulse(joint, self.fine()[index].step)[1]
+        first = int(np.searchsorted(sampled, at.min() - reach))
+        last = int(np.searchsorted(sampled, at.max() + reach, side="right"))
+        first = max(min(first, len(sampled) - 2), 0)
+        return slice(inside.start + first, inside.start + max(last, first + 2))
+
     def steps_block(self, index: int, instants: Array, joint: int) -> Array:
         """Unit steps at `instants` (M,) [s] of one stretch, filtered: shape (M, N_block)."""
         fine = self.fine()[index]

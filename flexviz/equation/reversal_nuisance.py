@@ -34,10 +34,26 @@ UNKNOWN_SHARE = 0.15  # of the change of u that is unknown on average between tw
 SETTLED_SHARE = 0.99  # of the full size of u on either side of a jump
 # half-width of a jump in each signal: [rad/s], [rad/s], share of the rms torque
 JUMP_WIDTHS = {"velocity": 0.02, "link_velocity": 0.02, "torque": 0.02}
+# pulses whose columns share their samples: of about one reversal
+TOGETHER = 0.3  # [s]
+MOST_TOGETHER = 12
 LONGEST = 30.0  # [s] longer stretches are taken apart
 PART = 10.0  # [s] about the length of a part
 LEAD = 1.0  # [s] before a part, for whitening, which looks back
 BORDER = 0.4  # [s] beyond a part, from where a filtered pulse still matters
+
+
+@dataclass(frozen=True)
+class PulseGroup:
+    """Unknown pulses of about one reversal; a pulse is short, and all of a stretch together mostly zeros.
+
+    Attributes:
+        first: sample of the stretch with which they begin.
+        columns: shape (R, n, M), ∂r for a pulse of one standard deviation; zero in other samples.
+    """
+
+    first: int
+    columns: Array
 
 
 @dataclass(frozen=True)
@@ -46,15 +62,29 @@ class Pulses:
 
     Attributes:
         block: which stretch.
-        rows: samples of the stretch, those of `columns` but for the first ones, which lead up to them.
-        begin: sample of the stretch with which `columns` begins.
-        columns: shape (N_part, n, M), ∂r for a pulse of one standard deviation.
+        rows: samples of the stretch in which they count; they may begin before.
+        groups: the pulses.
     """
 
     block: int
     rows: slice
-    begin: int
-    columns: Array
+    groups: tuple[PulseGroup, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of pulses."""
+        return sum(group.columns.shape[2] for group in self.groups)
+
+    def dense(self, joint: int) -> Array:
+        """The columns of one joint in `rows`, shape (N_rows, count)."""
+        out, at = np.zeros((self.rows.stop - self.rows.start, self.count)), 0
+        for group in self.groups:
+            begun = max(self.rows.start - group.first, 0)
+            seen = group.columns[begun:, joint]
+            start = group.first + begun - self.rows.start
+            out[start : start + len(seen), at : at + seen.shape[1]] = seen
+            at += seen.shape[1]
+        return out
 
 
 def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = False) -> list[Pulses]:
@@ -74,7 +104,7 @@ def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = Fa
             for one in _of_stretch(point, index, law, joint, motion, x[where], chain, lag, products):
                 found.setdefault((index, one.rows.start), []).append(one)
     return [
-        replace(same[0], columns=np.concatenate([one.columns for one in same], axis=2))
+        replace(same[0], groups=tuple(group for one in same for group in one.groups))
         for _, same in sorted(found.items())
     ]
 
@@ -91,42 +121,51 @@ def _of_stretch(
     products: bool,
 ) -> Iterator[Pulses]:
     """The pulses of one effect in each part of a stretch that has some; `lag` is the joint's D/K [s]."""
-    block = point.signals.blocks[index]
+    block, context = point.signals.blocks[index], point.context
     time = point.signals.time[block.rows]
-    step, fine = time[1] - time[0], motion.step
     times, sizes = (np.zeros(0), np.zeros(0)) if law.smooth else undecided(law, motion, values)
     begun = law.unknown(motion, values)
-    for rows in parts_of(time):
-        begin, there = 0, np.ones(len(times), bool)
-        if rows.stop - rows.start < len(time):
-            begin = max(rows.start - int(np.ceil(LEAD / step)), 0)
-            there = (times > time[rows.start] - BORDER) & (times < time[rows.stop - 1] + BORDER)
-        seen = slice(begin, rows.stop)
-        at = np.searchsorted(motion.time, times[there])
-        filtered = point.context.pulses_block(index, at, joint, law.depth, seen)
-        filtered *= (sizes[there] / fine)[:, None, None]
-        if rows.start == 0 and len(begun):
-            state = point.context.filtered_block(index, begun, joint, law.depth)[:, :, seen]
-            filtered = np.concatenate((filtered, state))
-        if not len(filtered):
-            continue
-        part = chain.rows(slice(block.rows.start + begin, block.rows.start + rows.stop))
-        torque, bends = law.entry == "torque", filtered
+
+    def part_of(seen: slice) -> Chain:
+        return chain.rows(slice(block.rows.start + seen.start, block.rows.start + seen.stop))
+
+    def group(inside: slice, chosen: slice) -> PulseGroup:
+        at = np.searchsorted(motion.time, times[chosen])
+        seen = context.pulse_rows(index, at, joint, inside)
+        size = (sizes[chosen] / motion.step)[:, None, None]
+        u = bends = context.pulses_block(index, at, joint, law.depth, seen) * size
+        torque = law.entry == "torque"
         if lag and torque:  # a damped joint bends later
-            bends = filtered.copy()
-            late = point.context.pulses_block(index, at, joint, law.depth, seen, lag)
-            bends[: len(at)] = late * (sizes[there] / fine)[:, None, None]
-        local = len(at) if products and law.entry != "residual" else 0
-        columns = np.empty((filtered.shape[2], point.layout.n, len(filtered)))
-        if local:
-            moved = filtered[:local] if torque else None
-            columns[:, :, :local] = part.pulses(moved, bends[:local], joint, time[seen], times[there])
-        for k in range(local, len(filtered)):
-            if torque:
-                columns[:, :, k] = part.torque(filtered[k], joint, bends[k])
-            else:
-                columns[:, :, k] = part.column(law.entry, (joint,), filtered[k, :, :, None])
-        yield Pulses(index, rows, begin, columns)
+            bends = context.pulses_block(index, at, joint, law.depth, seen, lag) * size
+        if products and law.entry != "residual":
+            moved = u if torque else None
+            columns = part_of(seen).pulses(moved, bends, joint, time[seen], times[chosen])
+        else:
+            columns = part_of(seen).columns(law.entry, joint, u, bends)
+        return PulseGroup(seen.start, columns)
+
+    for rows in parts_of(time):
+        begin, first, last = 0, 0, len(times)
+        if rows.stop - rows.start < len(time):
+            begin = max(rows.start - int(np.ceil(LEAD / (time[1] - time[0]))), 0)
+            first = int(np.searchsorted(times, time[rows.start] - BORDER, side="right"))
+            last = int(np.searchsorted(times, time[rows.stop - 1] + BORDER))
+        inside = slice(begin, rows.stop)
+        groups = [group(inside, chosen) for chosen in _together(times, first, last)]
+        if rows.start == 0 and len(begun):
+            state = context.filtered_block(index, begun, joint, law.depth)[:, :, inside]
+            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, state, state)))
+        if groups:
+            yield Pulses(index, rows, tuple(groups))
+
+
+def _together(times: Array, first: int, last: int) -> Iterator[slice]:
+    """Pulses `first` to `last` of those at `times` [s], a few at a time that are near one another."""
+    while first < last:
+        near = int(np.searchsorted(times, times[first] + TOGETHER))
+        end = min(first + MOST_TOGETHER, max(near, first + 1), last)
+        yield slice(first, end)
+        first = end
 
 
 def parts_of(time: Array) -> list[slice]:

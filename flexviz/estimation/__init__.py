@@ -7,6 +7,7 @@ from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, no
 from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_step, least_norm_solve
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
+from flexviz.estimation.noise_weighting import whitened
 from flexviz.estimation.prior import Prior, pseudo_inertia
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
@@ -64,4 +65,5 @@ __all__ = [
     "score_covariance",
     "solve",
     "start_values",
+    "whitened",
 ]

@@ -7,16 +7,16 @@ becomes 1 + V Vᵀ, and a symmetric square root of its inverse is P = 1 − U (1
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.equation import PulseGroup
 from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
-
-COLUMNS_TOGETHER = 12  # unknown columns that share their rows: pulses of about one reversal
 
 
 @dataclass(frozen=True)
@@ -60,20 +60,24 @@ class NoiseWeighting:
     whitener: Whitener
     unknown: tuple[UnknownPart, ...] = ()
 
-    def with_unknown(self, columns: Array, rows: slice, begin: int = 0) -> NoiseWeighting:
+    def with_unknown(self, groups: Sequence[PulseGroup], rows: slice) -> NoiseWeighting:
         """The same with unknown columns in samples without any before.
 
         Args:
-            columns: shape (N_part, n, M), each of unit variance, of samples from `begin` on.
+            groups: the columns, each of unit variance.
             rows: samples of the stretch in which they count.
-            begin: sample with which they begin, before `rows` if they are not zero there.
         """
-        flat = self.whitener.apply(columns, begin)[rows.start - begin :].reshape(-1, columns.shape[2])
+        white = [whitened(self.whitener, group, rows) for group in groups]
+        n = groups[0].columns.shape[1]
+        columns = tuple(
+            (slice(n * first, n * (first + len(part))), part.reshape(-1, part.shape[2]))
+            for first, part in white
+        )
         # via the small Gram matrix: directions of negligible size are dropped
-        squares, turn = np.linalg.eigh(flat.T @ flat)
+        squares, turn = np.linalg.eigh(_gram(columns))
         kept = squares > 1e-6 * max(float(squares[-1]), 1e-300)
         size = np.sqrt(squares[kept])
-        part = UnknownPart(rows, _trimmed(flat), turn[:, kept] / size, size)
+        part = UnknownPart(rows, columns, turn[:, kept] / size, size)
         return NoiseWeighting(self.whitener, (*self.unknown, part))
 
     def apply(self, y: Array) -> Array:
@@ -106,12 +110,26 @@ class NoiseWeighting:
         return y
 
 
-def _trimmed(columns: Array) -> tuple[tuple[slice, Array], ...]:
-    """Columns (N·n, M), a few at a time, without the zeros before and after them."""
-    out = []
-    for first in range(0, columns.shape[1], COLUMNS_TOGETHER):
-        part = columns[:, first : first + COLUMNS_TOGETHER]
-        there = np.flatnonzero(part.any(axis=1))
-        rows = slice(int(there[0]), int(there[-1]) + 1) if there.size else slice(0, 0)
-        out.append((rows, part[rows].copy()))
-    return tuple(out)
+def whitened(whitener: Whitener, group: PulseGroup, rows: slice) -> tuple[int, Array]:
+    """Whitened columns in some rows of a stretch: the first of `rows` where they are not zero, (R, n, M)."""
+    begin, columns = group.first, group.columns
+    # whitening looks back: it carries them on by its order
+    longer = np.zeros((min(len(columns) + whitener.order, rows.stop - begin), *columns.shape[1:]))
+    longer[: len(columns)] = columns
+    first = max(rows.start - begin, 0)
+    return begin + first - rows.start, whitener.apply(longer, begin)[first:]
+
+
+def _gram(columns: Sequence[tuple[slice, Array]]) -> Array:
+    """VᵀV of columns V that are zero outside their rows, shape (M, M)."""
+    ends = np.cumsum([0, *(part.shape[1] for _, part in columns)])
+    starts, stops = (np.array([getattr(rows, end) for rows, _ in columns]) for end in ("start", "stop"))
+    out = np.zeros((ends[-1], ends[-1]))
+    for i, (rows, part) in enumerate(columns):
+        for k in np.flatnonzero((starts[: i + 1] < rows.stop) & (stops[: i + 1] > rows.start)):
+            first, last = max(rows.start, starts[k]), min(rows.stop, stops[k])
+            here, there = part[first - rows.start : last - rows.start], columns[k][1][first - starts[k] :]
+            product = here.T @ there[: last - first]
+            out[ends[i] : ends[i + 1], ends[k] : ends[k + 1]] = product
+            out[ends[k] : ends[k + 1], ends[i] : ends[i + 1]] = product.T
+    return out

@@ -265,7 +265,7 @@ class TwoBandData:
         x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
         for unknown in self.pulses(evaluation.wide_point, x, evaluation.link):
             before = out[unknown.block]
-            out[unknown.block] = before.with_unknown(unknown.columns, unknown.rows, unknown.begin)
+            out[unknown.block] = before.with_unknown(unknown.groups, unknown.rows)
         return out
 
     def noise_score_covariance(
