@@ -137,9 +137,8 @@ def test_a_pulse_is_what_friction_would_have_to_be(
         rows = equation.signals.blocks[one.block].rows
         motion = point.context.motions(1)[one.block]
         times, sizes = undecided(coulomb, motion, np.array([2.0]))
-        columns = all_columns(one)
+        columns, k = all_columns(one), len(times) // 2
         assert columns.shape == (rows.stop - rows.start, 2, len(times))
-        k = len(times) // 2
 
         def higher(
             seen: JointMotion, at: float = times[k], area: float = sizes[k], n: int = len(motion.time)
