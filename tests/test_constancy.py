@@ -13,10 +13,13 @@ from flexviz.diagnosis.acceptance import Gained, exhausted, held_to_be_zero, ver
 from flexviz.diagnosis.conclusion import Conclusion
 from flexviz.diagnosis.constancy import ChangingSize, changing_size
 from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.own_start import OwnStart
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
+from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet
+from flexviz.progress import never
 from flexviz.recording.texts import diagnosis_text
 from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
@@ -212,6 +215,21 @@ def test_nothing_more_is_scored_where_nothing_can_be_gained(demo: MeasurementSet
     limit = above / 0.003
     assert exhausted(fit, Gained(5 * limit, np.array([1.01, 3.0]) * limit))
     assert not exhausted(fit, Gained(5 * limit, np.array([0.99, 3.0]) * limit))  # on joint 1 it can
+
+
+def test_the_start_is_given_or_found(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:
+    model = diagnosed_demo.model
+    assert model is not None
+    assert OwnStart(demo, lambda: model, None).model() is model
+    other = OwnStart(demo, None, None)
+    other.use(model)
+    assert other.model() is model
+    nothing = OwnStart(demo, lambda: None, never)
+    plain = nothing.model()
+    assert plain.stiffness == pytest.approx(identify(demo).model.stiffness) and plain is not model
+    begun = OwnStart(demo, None, never)
+    assert begun.model().stiffness == pytest.approx(plain.stiffness)
+    begun.close()
 
 
 def test_a_model_without_effects_leaves_hardly_more_than_noise(demo: MeasurementSet) -> None:

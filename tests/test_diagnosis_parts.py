@@ -291,7 +291,7 @@ def test_a_stop_while_effects_are_dropped_keeps_what_was_found(
         scored = ScoredCandidate(effect, 1.0, np.zeros(1), np.zeros(1))
         steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
     answers = iter((True, False))  # a stop that is said once
-    pipeline = _Pipeline(demo, True, None, lambda: next(answers))
+    pipeline = _Pipeline(demo, True, None, None, lambda: next(answers))
     search = ForwardSearch(context, base[1], pipeline.say, lambda fit: None, lambda start: None)
     search.steps = list(steps)
     fewer = without_effect(fit.layout, fit.x, effects[0])

@@ -140,15 +140,16 @@ class DiagnosedSet:
 
 @dataclass(frozen=True)
 class Diagnose(SetTask[DiagnosedSet]):
-    """Diagnose, and identify too unless `bandwidth` is given; `apply` adds all findings.
+    """Identify unless `known` is given, then diagnose; `apply` adds all findings.
 
-    `bandwidth` is that of an earlier identification [rad/s].
+    `known` is the model with its bandwidth [rad/s]. Reports the stages of the diagnosis and the iterations of
+    the identification, which follows the first look at the candidates.
     """
 
     patience = 6
 
     analysis: Analysis
-    bandwidth: Bandwidth | None
+    known: tuple[FlexibleModel, Bandwidth] | None
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
@@ -159,7 +160,7 @@ class Diagnose(SetTask[DiagnosedSet]):
             told.append(news)
             progress(news)
 
-        work = Background(lambda: _identify(self.analysis, tell, should_stop), begin=self.bandwidth is None)
+        work = Background(lambda: _identify(self.analysis, tell, should_stop), begin=self.known is None)
 
         def identify_set() -> Identification:
             result = work.result()
@@ -176,16 +177,32 @@ class Diagnose(SetTask[DiagnosedSet]):
         progress: ProgressCallback,
         should_stop: StopCallback,
     ) -> DiagnosedSet:
-        analysis, identification, bandwidth = self.analysis, None, self.bandwidth
+        analysis, identification = self.analysis, None
+        known, bandwidth = self.known or (None, None)
+
+        def identified() -> FlexibleModel | None:
+            """Called by the diagnosis after its first look at the candidates."""
+            nonlocal identification
+            identification = identify_set()
+            if should_stop():
+                raise Cancelled
+            return identification.model if identification.converged else None
+
+        start = known or identified
+        if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
+            start = None  # values of another observer may be far from the diagnosis's start
         measurements = chosen_set(analysis)
         measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
-        diagnosis = diagnose(measurements, apply=self.apply, progress=progress, should_stop=should_stop)
-        if bandwidth is None:
+        diagnosis = diagnose(
+            measurements, apply=self.apply, start=start, progress=progress, should_stop=should_stop
+        )
+        if known is None and identification is None:
             if diagnosis.stopped and not diagnosis.findings:
                 raise Cancelled
             identification = identify_set()
             if identification.stopped:
                 identification = _identify(analysis, progress, never)
+        if identification is not None:
             bandwidth = bandwidth_of(identification)
         added: list[Identification] = []
         for found in diagnosed_models(diagnosis, measurements.joints)[1:] if self.apply else ():

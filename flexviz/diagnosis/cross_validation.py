@@ -213,4 +213,4 @@ def remainder_spectrum(rest: Array, folds: Folds) -> tuple[int, Array]:
     power[0] /= 2
     if length % 2 == 0:
         power[-1] /= 2
-    return length, power
+    return length, np.asarray(power, float)

@@ -23,6 +23,7 @@ from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
+from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.rich_result import just_incomplete, leaves_only_noise
@@ -31,7 +32,6 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.model import FlexibleModel
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
@@ -49,6 +49,7 @@ def diagnose(
     measurements: MeasurementSet,
     *,
     apply: bool = False,
+    start: GivenStart = None,
     guarded: bool | None = None,
     free_curve: bool = False,
     progress: ProgressCallback | None = None,
@@ -60,6 +61,7 @@ def diagnose(
         measurements: the measurement set.
         apply: add the effects found one by one and refit after each. Otherwise only the first missing effect
             is named and the result describes the set's own model.
+        start: start values, or a function that finds them when needed; default: a plain identification.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
@@ -67,7 +69,7 @@ def diagnose(
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
-        pipeline = _Pipeline(measurements, apply, progress, should_stop)
+        pipeline = _Pipeline(measurements, apply, start, progress, should_stop)
         with pipeline.beside:
             result = pipeline.run(guarded)
         if apply and free_curve and not why_no_curve(result):
@@ -83,7 +85,6 @@ class _Pipeline:
     """State of one diagnosis.
 
     Attributes:
-        start: with the start values of the set's own model in the search forwards.
         forward: the search that adds effects one by one.
         beside: ends what was begun beside the search.
     """
@@ -92,6 +93,7 @@ class _Pipeline:
         self,
         measurements: MeasurementSet,
         apply: bool,
+        start: GivenStart,
         progress: ProgressCallback | None,
         should_stop: StopCallback | None,
     ) -> None:
@@ -102,9 +104,10 @@ class _Pipeline:
         self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
         self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
-        self.start: FlexibleModel | None = None
+        self.start = OwnStart(measurements, start, should_stop)
         self.refit = EarlyRefit(measurements, self.check_stop)
         self.beside = contextlib.ExitStack()
+        self.beside.callback(self.start.close)
         self.beside.callback(self.refit.foreseen.close)
 
     def say(self, text: str) -> None:
@@ -130,7 +133,6 @@ class _Pipeline:
         rich, begun = None, False
         try:
             near = many.search.near_noise()
-            self.start = self.layout.model(many.search.bare.x)
             if near is not None:
                 many.search.forget()
                 self.refit.begin(near)
@@ -142,7 +144,7 @@ class _Pipeline:
         except Interrupted:
             if (best := many.search.best) is not None:
                 rich = many.worth_showing(best)
-                self.start = best.fit.layout.model(best.fit.x)
+                self.start.use(best.fit.layout.model(best.fit.x))
         if rich is not None and not self.stopped and self.few_explain(rich, begun):
             del many, rich
             return self.result(guarded)
@@ -197,7 +199,7 @@ class _Pipeline:
     def prepared(self, iterations: int = LIMITS.first_iterations) -> ForwardSearch:
         """A search forwards from the set's own model, fitted in units of the noise."""
         context = FitContext(self.measurements, self.layout)
-        x = context.start(self.layout).x if self.start is None else self.layout.vector(self.start)
+        x = self.layout.vector(self.start.model())
         base = context.fit(self.layout, x, iterations=iterations)
         search = ForwardSearch(context, base, self.say, self.standing.fitted, self.refit.begin, self.apply)
         self.beside.callback(search.search.restart.foreseen.close)
@@ -213,7 +215,7 @@ class _Pipeline:
             many.search.forget()
             self.forward = search
         else:
-            self.start = self.layout.model(search.base.x)
+            self.start.use(self.layout.model(search.base.x))
         return near
 
     def check_stop(self) -> None:

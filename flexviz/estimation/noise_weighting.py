@@ -126,8 +126,8 @@ def _gram(columns: Sequence[tuple[slice, Array]]) -> Array:
     starts, stops = (np.array([getattr(rows, end) for rows, _ in columns]) for end in ("start", "stop"))
     out = np.zeros((ends[-1], ends[-1]))
     for i, (rows, part) in enumerate(columns):
-        for k in np.flatnonzero((starts[: i + 1] < rows.stop) & (stops[: i + 1] > rows.start)):
-            first, last = max(rows.start, starts[k]), min(rows.stop, stops[k])
+        for k in np.flatnonzero((starts[: i + 1] < rows.stop) & (stops[: i + 1] > rows.start)).tolist():
+            first, last = max(rows.start, int(starts[k])), min(rows.stop, int(stops[k]))
             here, there = part[first - rows.start : last - rows.start], columns[k][1][first - starts[k] :]
             product = here.T @ there[: last - first]
             out[ends[i] : ends[i + 1], ends[k] : ends[k + 1]] = product

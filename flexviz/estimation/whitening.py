@@ -255,7 +255,7 @@ def noise_score_covariance(
         shape (P, P).
     """
     length = quick_length(2 * len(weights))
-    omega = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
     share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
     share[0] = 1.0
     if length % 2 == 0:
@@ -266,7 +266,7 @@ def noise_score_covariance(
     for matrix, gain in zip(path.matrices, path.derivatives.gains(observer.transfer, omega), strict=True):
         passed = np.fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
         total += np.conj(gain)[:, None, None] * passed
-    flat = (total * scale[:, :, None]).reshape(-1, size)
+    flat: NDArray[np.complex128] = (total * scale[:, :, None]).reshape(-1, size)
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 

@@ -163,8 +163,8 @@ class DiagnoseStep(WorkflowStep):
         if not store.may_start("Looking for what is missing"):
             return
         result = analysis.identification if analysis.up_to_date else None
-        bandwidth = None if result is None else bandwidth_of(result)
-        task = Diagnose(analysis.without_result(), bandwidth, apply)
+        known = None if result is None else (result.model, bandwidth_of(result))
+        task = Diagnose(analysis.without_result(), known, apply)
         done = partial(self._take, label, analysis, store.analysis)
         fit = FitProgress(analysis.effects, single=not apply)
         store.await_task(task, done, begin="looking", stopped=STOPPED, fit=fit)
