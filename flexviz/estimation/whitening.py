@@ -255,7 +255,7 @@ def noise_score_covariance(
         shape (P, P).
     """
     length = quick_length(2 * len(weights))
-    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    omega = np.arange(length // 2 + 1, dtype=float) * (2 * np.pi / (length * joint_step))
     share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
     share[0] = 1.0
     if length % 2 == 0:
