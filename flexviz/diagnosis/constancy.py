@@ -85,11 +85,10 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
             signature = (z[:, :, column] * variable[:, None]).reshape(-1, 1)
             change, gain = explained(*projection.normal(signature))
             relative = abs(change[0]) / max(abs(fit.x[column]), 1e-300)
-            if gain <= least or relative <= LIMITS.changing_share:
-                continue
             # a size that grows from nothing is not constant, whatever else the model leaves
             whole = along == "time" and relative > LIMITS.changing_whole
-            if gain <= LIMITS.changing_share_of_left * left and not whole:
+            needed = least if whole else max(least, LIMITS.changing_share_of_left * left)
+            if gain <= needed or relative <= LIMITS.changing_share:
                 continue
             middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
             spec = EFFECTS[effect.effect].parameters[k]

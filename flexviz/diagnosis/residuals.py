@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.cross_validation import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.equation import Pulses
+from flexviz.equation import Pulses, side_by_side
 from flexviz.estimation import (
     ESTIMATION,
     NoisePath,
@@ -126,12 +126,9 @@ def settled_reversals(
     white = whitener.apply(residual[:, None])[:, 0] * used
     for part in pulses:
         rows, columns = part.rows, part.dense(joint)
-        seen, at = np.zeros_like(columns), 0
-        for group in part.groups:
-            own = replace(group, columns=group.columns[:, joint : joint + 1])
-            first, there = whitened(whitener, own, rows)
-            end = at + there.shape[2]
-            seen[first : first + len(there), at:end], at = there[:, 0], end
+        own = [replace(group, columns=group.columns[:, joint : joint + 1]) for group in part.groups]
+        answers = [whitened(whitener, group, rows) for group in own]
+        seen = side_by_side([(first, answer[:, 0]) for first, answer in answers], len(columns))
         seen *= used[rows, None]
         # of the smaller Gram matrix: friction at rest may give thousands of pulses
         if seen.shape[1] > len(seen):

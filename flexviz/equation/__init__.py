@@ -7,7 +7,7 @@ from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
 from flexviz.equation.products import FilteredProducts
 from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
-from flexviz.equation.reversal_nuisance import PulseGroup, Pulses, pulses
+from flexviz.equation.reversal_nuisance import PulseGroup, Pulses, pulses, side_by_side
 from flexviz.equation.signals import Signals, build_signals, equation_stride
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "layout_of",
     "local_compliance",
     "pulses",
+    "side_by_side",
     "time_constants",
     "viscous_scale",
 ]

@@ -42,12 +42,9 @@ class Chain:
             + self._mass[:, :, j] * lost[2][:, None]
         )
 
-    def torque(self, u: Array, j: int, bends: Array | None = None) -> Array:
-        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n).
-
-        `bends`: what bends the joint instead, if it follows later than u.
-        """
-        out = -self.deflection(self._compliance[..., j] * (u if bends is None else bends), j)
+    def torque(self, u: Array, j: int) -> Array:
+        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
+        out = -self.deflection(self._compliance[..., j] * u, j)
         out[:, j] -= u[0]
         return out
 

@@ -11,7 +11,7 @@ length. A pulse near the border of two parts is unknown in both.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -77,14 +77,22 @@ class Pulses:
 
     def dense(self, joint: int) -> Array:
         """The columns of one joint in `rows`, shape (N_rows, count)."""
-        out, at = np.zeros((self.rows.stop - self.rows.start, self.count)), 0
-        for group in self.groups:
-            begun = max(self.rows.start - group.first, 0)
-            seen = group.columns[begun:, joint]
-            start = group.first + begun - self.rows.start
-            out[start : start + len(seen), at : at + seen.shape[1]] = seen
-            at += seen.shape[1]
-        return out
+        first = self.rows.start
+        begun = [max(group.first, first) for group in self.groups]
+        parts = [
+            (begin - first, group.columns[begin - group.first :, joint])
+            for begin, group in zip(begun, self.groups, strict=True)
+        ]
+        return side_by_side(parts, self.rows.stop - first)
+
+
+def side_by_side(parts: Sequence[tuple[int, Array]], count: int) -> Array:
+    """Columns of `count` samples, shape (count, M), from the first sample of some and their values (R, m)."""
+    ends = np.cumsum([0, *(columns.shape[1] for _, columns in parts)])
+    out = np.zeros((count, ends[-1]))
+    for (first, columns), (begin, end) in zip(parts, pairwise(ends), strict=True):
+        out[first : first + len(columns), begin:end] = columns
+    return out
 
 
 def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = False) -> list[Pulses]:
