@@ -1,4 +1,4 @@
-"""Simulated sets of the planar arm with as many of its groups as a test needs: each takes a second."""
+"""Simulated sets of the planar arm with as many of its groups as a test needs, and as long: 6 s take 1 s."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ TWO = ("t1p1", "t2p2")  # other motions and payloads
 HELD_OUT = (*TWO, "t4p2")  # and one for validation
 
 
-def of_groups(plan: Plan, names: Sequence[str] = TWO) -> Plan:
-    """The plan with these groups only."""
-    return replace(plan, groups=tuple(group for group in plan.groups if group.name in names))
+def of_groups(plan: Plan, names: Sequence[str] = TWO, duration: float = 6.0) -> Plan:
+    """The plan with these groups only, of `duration` [s] each."""
+    groups = tuple(replace(group, duration=duration) for group in plan.groups if group.name in names)
+    return replace(plan, groups=groups)
 
 
 def planar_set(
-    folder: Path, effects: Sequence[str], seed: int, start: str = "rest", groups: Sequence[str] = TWO
+    folder: Path,
+    effects: Sequence[str],
+    seed: int,
+    start: str = "rest",
+    groups: Sequence[str] = TWO,
+    duration: float = 6.0,
 ) -> MeasurementSet:
     """Some groups of the arm with these effects, written to `folder` and read."""
-    plan = of_groups(make_plan("planar-2r", effects, start), groups)
+    plan = of_groups(make_plan("planar-2r", effects, start), groups, duration)
     return read_set(write_plan(plan, simulate_plan(plan, seed), folder, seed))

@@ -144,7 +144,7 @@ def cut_at_reversals(measurements: MeasurementSet, after: float) -> MeasurementS
 
 def test_record_that_starts_with_wound_up_friction(tmp_path: Path) -> None:
     hidden = "presliding_hysteresis:joint1:presliding_stiffness=60,coulomb=6"
-    measurements = cut_at_reversals(planar_set(tmp_path / "set", [hidden], seed=3), 3.0)
+    measurements = cut_at_reversals(planar_set(tmp_path / "set", [hidden], seed=3, duration=12.0), 3.0)
     for refine in (False, True):
         result = identify(measurements, effects=["presliding_hysteresis:joint1"], refine=refine)
         exact = 1.0 if refine else 5.0

@@ -135,7 +135,7 @@ def noise_deviation(point: Point) -> Array:
 @pytest.mark.parametrize("damping", [None, 6.0])
 def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, damping: float | None) -> None:
     """A torque sensor that is so bad that the joint's deflection drowns in its noise."""
-    plan = of_groups(make_plan("planar-2r"))
+    plan = of_groups(make_plan("planar-2r"), duration=12.0)
     effects = () if damping is None else (EffectValue("joint_damping", "joint2", {"damping": damping}),)
     noise = {None: 2.0, 6.0: 0.6}[damping]
     sensors = replace(plan.sensors, theta_noise=2e-7, torque_noise=noise)

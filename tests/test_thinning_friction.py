@@ -25,7 +25,7 @@ class PowerLaw(ExtraLaw):
 
 def test_a_power_law_of_no_library_is_described(tmp_path: Path) -> None:
     plan = replace(
-        of_groups(make_plan("planar-2r", ["coulomb_friction:joint1:coulomb=2"]), HELD_OUT),
+        of_groups(make_plan("planar-2r", ["coulomb_friction:joint1:coulomb=2"]), HELD_OUT, 12.0),
         laws=(("joint1", PowerLaw()),),
     )
     write_plan(plan, simulate_plan(plan, 3), tmp_path / "set", 3)

@@ -124,7 +124,7 @@ def test_an_effect_of_the_library_has_a_place_too_but_a_complete_model_none(tmp_
 
 
 def test_a_shaken_link_is_said_to_be_shaken(tmp_path: Path) -> None:
-    measurements, stiffness = set_with(lambda _: Shaken(), 1, tmp_path / "set")
+    measurements, stiffness = set_with(lambda _: Shaken(), 1, tmp_path / "set", duration=12.0)
     found = diagnose(measurements, apply=True)
     assert found.verdict == found.steps[-1].verdict == "unknown" and len(found.steps) == 1
     assert found.where[0].joint == "joint2" and found.guard is None

@@ -34,10 +34,10 @@ class Uneven(ExtraLaw):
 
 
 def set_with(
-    law: Callable[[float], ExtraLaw], joint: int, folder: Path, seed: int = 5
+    law: Callable[[float], ExtraLaw], joint: int, folder: Path, seed: int = 5, duration: float = 6.0
 ) -> tuple[MeasurementSet, np.ndarray]:
     """The planar arm with a law on a joint, and the stiffnesses of its joints."""
-    plan = of_groups(make_plan("planar-2r"), HELD_OUT)
+    plan = of_groups(make_plan("planar-2r"), HELD_OUT, duration)
     stiffness = plan.model.stiffness
     plan = replace(plan, laws=((plan.model.joints[joint], law(float(stiffness[joint]))),))
     write_plan(plan, simulate_plan(plan, seed), folder, seed)
