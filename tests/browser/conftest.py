@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import CHROMIUM, FLAGS, PLAIN_LIGHT, SPARE_FRAMES, close_notices, tab
+from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SPARE_FRAMES, close_notices, tab
 
 PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
 
@@ -88,7 +88,7 @@ def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, he
     page = chromium.new_page(viewport={"width": width, "height": height})
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.set_default_timeout(PATIENCE)
-    page.add_init_script(PLAIN_LIGHT)
+    page.add_init_script(PLAIN_SCENE)
     page.goto(address)
     page.wait_for_selector(".uplot .u-over")
     page.evaluate(SPARE_FRAMES)

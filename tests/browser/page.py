@@ -19,14 +19,23 @@ FLAGS = [
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 # Drawing without a graphics card is slow. The light of viser's surroundings is computed with 4 samples per
-# pixel instead of 256 (9 s of processor time per page); a page that is there is drawn 10 times
-# per second at most.
-PLAIN_LIGHT = """(() => {
+# pixel instead of 256 (9 s of processor time per page), edges are not smoothed, and the scene has a quarter
+# of the pixels unless its screenshots are kept (a third of the time per frame); a page that is there is drawn
+# 10 times per second at most.
+COARSE = "" if os.environ.get("FLEXVIZ_SCREENSHOTS") else "ratio = 0.5;"
+PLAIN_SCENE = """(() => {
     const kind = WebGL2RenderingContext.prototype, compile = kind.shaderSource;
     kind.shaderSource = function (shader, text) {
         compile.call(this, shader, text.replace(/#define GGX_SAMPLES \\d+/, '#define GGX_SAMPLES 4'));
     };
-})()"""
+    const canvas = HTMLCanvasElement.prototype, context = canvas.getContext;
+    canvas.getContext = function (kind, options) {
+        return context.call(this, kind, kind.startsWith('webgl') ? {...options, antialias: false} : options);
+    };
+    let ratio = window.devicePixelRatio;
+    COARSE
+    Object.defineProperty(window, 'devicePixelRatio', {get: () => ratio});
+})()""".replace("COARSE", COARSE)
 SPARE_FRAMES = """() => {
     const draw = window.requestAnimationFrame.bind(window), stop = window.cancelAnimationFrame.bind(window);
     const cancel = new Map();
