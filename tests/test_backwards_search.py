@@ -17,6 +17,7 @@ from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.rich_result import verdict_on
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -243,6 +244,24 @@ def test_small_effects_may_remain_only_in_a_complete_model(demo):
         notes = many.remarks(fit, (), last)
         assert any("no candidate explains it" in note.text for note in notes) == expected
     assert not any("no candidate" in note.text for note in many.remarks(fit, (CURVE,), "nothing-missing"))
+
+
+@pytest.mark.parametrize(
+    ("noises", "share", "expected"),
+    [
+        (1.5, 0.5, "nothing-missing"),  # the noise is most of the torque
+        (5.0, 0.01, "nothing-missing"),
+        (5.0, 0.5, "unknown"),
+        (20.0, 0.01, "unknown"),
+    ],
+)
+def test_what_is_left_is_much_of_the_torque_or_many_times_the_noise(
+    demo: RichSearch, noises: float, share: float, expected: Verdict
+) -> None:
+    fit = replace(fitted(demo, (COULOMB, [3.0])))
+    fit.__dict__["rms"] = noises * demo.context.noise_floor
+    fit.__dict__["_held_out_rms"] = share * demo.context.spread
+    assert verdict_on(RichModel(fit, {})) == expected
 
 
 def test_a_stop_during_the_staircase_does_not_discard_what_copies_do(demo, monkeypatch):

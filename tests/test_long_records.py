@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from flexviz.diagnosis import motion_fit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.residuals import joint_residuals
@@ -63,6 +65,27 @@ def test_whitening_takes_little_more_memory_than_its_result() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1.3 * white.nbytes
+
+
+@pytest.mark.parametrize(("samples_wanted", "stride"), [(1.0, 1), (1 / 1.45, 1), (1 / 1.88, 2), (1 / 30, 4)])
+def test_a_long_slow_record_has_about_as_many_samples_as_it_may(
+    context: FitContext, monkeypatch: pytest.MonkeyPatch, samples_wanted: float, stride: int
+) -> None:
+    """Of 100 Hz every sample, every second one, and no fewer than the band of the motion needs."""
+    measurements = context.measurements
+    groups = []
+    for group in measurements.groups:
+        slow = tuple(
+            replace(s, time=s.time[::10], theta=s.theta[::10], tau=s.tau[::10], step=10 * s.step)
+            for s in group.segments
+        )
+        groups.append(replace(group, segments=slow))
+    fitted = [s for g in groups if not g.validation for s in g.segments]
+    raw = round(sum(float(np.ptp(s.time)) for s in fitted) / 0.01)
+    monkeypatch.setattr(motion_fit, "MAX_SAMPLES", int(raw * samples_wanted))
+    monkeypatch.setattr(motion_fit, "HERTZ", 8.0)  # sampled every 16 ms if the record were short
+    found = MotionContext(replace(measurements, groups=tuple(groups)), measurements.joints)
+    assert {block.stride for block in found.signals.blocks} == {stride}
 
 
 def test_normal_equations_of_some_samples_at_a_time(

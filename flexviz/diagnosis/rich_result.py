@@ -87,9 +87,15 @@ def staircase(
 
 
 def verdict_on(rich: RichModel) -> Verdict:
-    """Whether the final model is complete: no unknown law, and every joint near its noise."""
-    ratio = rich.fit.rms / rich.fit.context.noise_floor
-    return "unknown" if rich.curves or np.any(ratio > LIMITS.unexplained) else "nothing-missing"
+    """Whether the final model is complete: no unknown law, and every joint near its noise.
+
+    What is not noise must be little of the joint's held-out torque, too.
+    """
+    fit = rich.fit
+    ratio = fit.rms / fit.context.noise_floor
+    much = (ratio > LIMITS.small_left) & (fit.held_out_rms() > LIMITS.unexplained_share * fit.context.spread)
+    incomplete = rich.curves or np.any(much | (ratio > LIMITS.unexplained))
+    return "unknown" if incomplete else "nothing-missing"
 
 
 def leaves_only_noise(rich: RichModel) -> bool:
