@@ -152,19 +152,21 @@ def test_a_gravity_compensator_gives_its_place_back_to_a_spring(sprung):
     np.testing.assert_allclose(found.x[found.layout.effect_slice(SPRING)], (9.0, 0.6), rtol=0.01)
 
 
-def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alone(demo, monkeypatch):
+@pytest.mark.parametrize("cores", [1, 2])
+def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alone(demo, monkeypatch, cores):
     plain = fitted(demo)
     chosen = [s for s in demo.scores(plain) if s.effect.effect in ("coulomb_friction", "cable_spring")][:2]
     assert chosen[0].effect == COULOMB
     tried: list[int] = []
     better = demo.if_better
 
-    def alone(fit, larger, kept, added):
+    def alone(fit, larger, added):
         tried.append(len(added))
-        return better(fit, larger, kept, added) if len(added) == 1 else None
+        return better(fit, larger, added) if len(added) == 1 else None
 
     monkeypatch.setattr(demo, "if_better", alone)
-    found = demo.enlarged(plain, chosen)
+    with on_cores(cores):
+        found = demo.enlarged(plain, chosen)
     assert tried == [2, 1] and found is not None and set(found[1]) == {COULOMB}
 
 

@@ -169,6 +169,19 @@ def test_look_then_import(
     assert "this is a measurement set already" in lines_of(capsys)[1][0]
 
 
+def test_gaps_and_the_mean_rate_are_told(
+    tmp_path: Path, quick: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_log(tmp_path)
+    rows = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(rows[:400] + rows[500:]))
+    main(
+        ["import", str(log), "--robot", str(tmp_path / "robot.urdf"), "--out", str(tmp_path / "set"), "--yes"]
+    )
+    (summary,) = [line for line in lines_of(capsys)[0] if line.startswith("run: ")]
+    assert "900 samples, 1.998 s at 500 Hz (449.95 Hz on average) in 2 stretches between gaps" in summary
+
+
 def test_in_one_step(tmp_path: Path, quick: None, capsys: pytest.CaptureFixture[str]) -> None:
     log = write_log(tmp_path)
     assert (

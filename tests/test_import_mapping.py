@@ -360,6 +360,7 @@ FILES = {
     "empty.csv": (lambda file: file.write_bytes(b""), "no rows of numbers were found"),
     "binary.csv": (lambda file: file.write_bytes(bytes(range(256))), "not a text file"),
     "prose.csv": (lambda file: file.write_text("dear diary\nit rained\n"), "no rows of numbers"),
+    "one_column.txt": (lambda file: file.write_text("tau\n" + "1\n" * 99), "holds one number.*npz"),
     "ragged.csv": (ragged, "not a readable CSV table: .*[Rr]ow"),
     "short.csv": (lambda file: file.write_text("a,b\n1,2\n3,4\n"), "2 rows, expected at least 32"),
     "header.csv": (

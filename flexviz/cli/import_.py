@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 1  # a mapping was written, but something in it must still be filled in
 REFUSED = 2  # nothing was written because the data contradict the mapping
+UNEVEN = 0.005  # of a usual rate, from which the mean rate is told, too
 
 
 def import_(
@@ -130,13 +131,20 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     """Summary of an import, as lines of text."""
     import numpy as np
 
+    from flexviz.measurements import pieces
+
     lines = []
     for group in done.groups:
-        step = float(np.median(np.diff(group.table.time)))
-        use = "validation" if group.entry.validation else "fit"
+        time, use = group.table.time, "validation" if group.entry.validation else "fit"
+        usual, mean = 1 / float(np.median(np.diff(time))), (len(time) - 1) / float(time[-1] - time[0])
+        rate = f"{usual:.5g} Hz"
+        if abs(mean - usual) > UNEVEN * usual:
+            rate += f" ({mean:.5g} Hz on average)"
+        if (count := len(pieces(time))) > 1:
+            rate += f" in {count} stretches between gaps"
         lines.append(
-            f"{group.entry.group}: {group.entry.label}, {group.kind}, {len(group.table.time)} samples, "
-            f"{group.table.time[-1]:.6g} s at {1 / step:.5g} Hz, payload {group.entry.payload}, {use}"
+            f"{group.entry.group}: {group.entry.label}, {group.kind}, {len(time)} samples, "
+            f"{time[-1]:.6g} s at {rate}, payload {group.entry.payload}, {use}"
         )
         lines += [f"  {note}" for note in group.notes]
     for o in done.offsets:
@@ -147,9 +155,9 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     if done.delay is not None:
         joint, least = done.delay.worst
         lines.append(
-            f"torque acts {1e3 * done.delay.seconds:.3f} ± {1e3 * NORMAL_95 * done.delay.std:.2g} ms after "
-            f"it is stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of all torques "
-            f"and {100 * max(least, 0.0):.2f} % of that of {joint}"
+            f"the recorded torque acts {done.delay.text}; the flexible-joint model explains "
+            f"{100 * done.delay.share:.2f} % of all torques and {100 * max(least, 0.0):.2f} % of that "
+            f"of {joint}"
         )
     elif not done.wrong:
         lines.append("these data do not show whether torque and motion agree in time")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.after_rest import AfterRest
 from flexviz.diagnosis.candidates import NearNoise, is_episode, without_effect
-from flexviz.diagnosis.elimination import Necessity
+from flexviz.diagnosis.elimination import Necessity, necessities
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.so_far import Standing
@@ -24,6 +24,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate
+from flexviz.parallel import allowed_cores
 from flexviz.wording import plural
 
 Array = NDArray[np.float64]
@@ -211,33 +212,39 @@ class RichSearch(AfterRest):
         All at once, or else those of the joints that do not become worse, or else one of the leading ones.
         None if no candidate is of use.
         """
-        larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, chosen), chosen))
+
+        def with_needed(wanted: list[ScoredCandidate]) -> MotionFit:
+            return self.thinned(self.confirmed(fit, self.with_candidates(fit, wanted), wanted))[0]
+
+        larger = with_needed(chosen)
         worse = self.worse_joints(fit, larger)
-        if not worse and (better := self.if_better(fit, larger, kept, chosen)) is not None:
+        if not worse and (better := self.if_better(fit, larger, chosen)) is not None:
             return better
         harmless = [s for s in chosen if s.effect.joint is not None and s.effect.joint not in worse]
         clear = [s for s in chosen[: LIMITS.alone] if s.gain > LIMITS.clear_share * len(fit.weights)]
         subsets = [harmless, *([s] for s in clear if [s] != harmless)]
-        for fewer in (subset for subset in subsets if 0 < len(subset) < len(chosen)):
-            larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, fewer), fewer))
-            better = None if self.worse_joints(fit, larger) else self.if_better(fit, larger, kept, fewer)
-            if better is not None:
-                return better
+        fewer = [subset for subset in subsets if 0 < len(subset) < len(chosen)]
+        at_once = allowed_cores()
+        for first in range(0, len(fewer), at_once):
+            some = fewer[first : first + at_once]
+            for wanted, larger in zip(some, self.on_all_cores(with_needed, some), strict=True):
+                better = None if self.worse_joints(fit, larger) else self.if_better(fit, larger, wanted)
+                if better is not None:
+                    return better
         return None
 
     def if_better(
         self,
         fit: MotionFit,
         larger: MotionFit,
-        kept: dict[ChosenEffect, Necessity],
         added: list[ScoredCandidate],
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
         """A larger model, if it keeps any of the added candidates; the others are not tried again."""
-        effects = {s.effect for s in added}
-        if not effects & set(kept) or larger.objective >= fit.objective:
+        effects, kept = {s.effect for s in added}, set(larger.layout.effects)
+        if not effects & kept or larger.objective >= fit.objective:
             return None
-        self._refused |= effects - set(kept)
-        return larger, kept
+        self._refused |= effects - kept
+        return larger, necessities(larger)
 
     def with_original_laws(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]

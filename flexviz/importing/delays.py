@@ -177,6 +177,13 @@ class DelayEstimate:
     share: float  # of the torques' variance that the flexible model explains
     worst: tuple[str, float]  # the joint of whose torque it explains least, and the share of it
 
+    @property
+    def text(self) -> str:
+        """When the torque acts, for "the recorded torque acts …"."""
+        when = "later" if self.seconds > 0 else "earlier"
+        error = NORMAL_95 * self.std
+        return f"{1e3 * abs(self.seconds):.3g} ± {1e3 * error:.2g} ms {when} than it is stamped"
+
 
 def torque_delay(
     measurements: MeasurementSet, progress: ProgressCallback, should_stop: StopCallback
@@ -226,10 +233,8 @@ def delay_issues(delay: DelayEstimate, measurements: MeasurementSet) -> list[Iss
         LIMITS.smallest_delay, LIMITS.delay_steps * step, LIMITS.delay_sigmas * delay.std
     ):
         return []
-    when = "later" if delay.seconds > 0 else "earlier"
     message = (
-        f"torque and acceleration disagree in time: the recorded torque acts "
-        f"{1e3 * abs(delay.seconds):.3g} ± {1e3 * NORMAL_95 * delay.std:.2g} ms {when} than it is stamped "
+        f"torque and acceleration disagree in time: the recorded torque acts {delay.text} "
         f"({abs(delay.seconds) / step:.2g} samples); "
         'time.shift corrects it where tau has a clock of its own, the effect "torque_delay" fits it'
     )

@@ -16,7 +16,7 @@ from flexviz.measurements.data import (
 from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader, Temperatures
-from flexviz.measurements.segments import GAP, POINTS, interpolate
+from flexviz.measurements.segments import GAP, POINTS, interpolate, pieces
 from flexviz.measurements.tables import readable
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
@@ -43,6 +43,7 @@ __all__ = [
     "interpolate",
     "likely_limits",
     "overview",
+    "pieces",
     "read_payloads",
     "read_robot",
     "read_set",

@@ -124,6 +124,13 @@ def find_layout(head: bytes, path: Path) -> CsvLayout:
             if len(row) == len(after) and is_data(row, decimal) and is_data(after, decimal):
                 names, units = header([cells for k, cells in rows if k < i], len(row), path)
                 return CsvLayout(separator, decimal, i, names, units, encoding)
+    cells = [line.strip() for line in lines if line.strip()]
+    if len(cells) > 1 and all(is_numeral(cell, ".") for cell in cells[1:]):
+        message = (
+            "each row holds one number, expected at least two columns; arrays in files of their own, also "
+            "with the values of several joints in one column, can be read from one .npz"
+        )
+        raise InputError(message, file=path)
     expected = "expected a header and rows of numbers, separated by commas, semicolons, tabs or spaces"
     raise InputError(f"no rows of numbers were found, {expected}", file=path)
 
