@@ -15,6 +15,7 @@ from flexviz.diagnosis.beside_unknown import BesideUnknown
 from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.pipeline import Interrupted
+from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import SlowResidual
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.diagnosis.vibration import vibration
@@ -266,6 +267,19 @@ def test_part_of_a_period_is_no_vibration() -> None:
         np.full(count, step), np.stack((residual, residual), axis=1), theta, np.zeros((count, 2)),
     )  # fmt: skip
     assert vibration(data, 0) is None
+
+
+@pytest.mark.parametrize(("carried", "says"), [(3.0, True), (0.1, False)])
+def test_a_residual_that_is_most_of_the_load_does_not_follow_it(carried: float, says: bool) -> None:
+    """A missing torque of the load against the motor contains itself, and little else on a light link."""
+    count, step = 2000, 0.02
+    time = step * np.tile(np.arange(count // 2), 2)
+    own = np.sin(2 * np.pi * 0.31 * time)
+    missing = own**3 if says else np.sign(np.sin(2 * np.pi * 0.83 * time))
+    data = slow(missing, np.cos(2 * np.pi * 0.55 * time), step)
+    data.load[:, 0] = carried * own + missing
+    (found,) = (m for m in joint_maps(data, 0) if m.variable == "load")
+    assert found.explained > 0.9 if says else found.explained == 0.0
 
 
 @pytest.mark.parametrize(("excess_with", "added"), [(8.0, 0), (2.0, 1)])
