@@ -1,4 +1,4 @@
-"""Simulated sets of the planar arm with as many of its groups as a test needs, and as long: 6 s take 1 s."""
+"""Simulated sets of the planar arm with as many of its groups as a test needs; one of 6 s takes a second."""
 
 from __future__ import annotations
 

@@ -208,10 +208,10 @@ class MotionContext:
         # as dense as a short record needs, and no less than three samples per cycle of a long one
         segments = [s for g in groups for s in g.segments]
         duration, raw = sum(float(np.ptp(s.time)) for s in segments), max(s.step for s in segments)
-        step = max(duration / MAX_SAMPLES, 1 / (8 * HERTZ))
-        if step > 1 / (8 * HERTZ):  # of a slowly sampled record, rounded down it may be half of that
+        step, shortest = duration / MAX_SAMPLES, 1 / (8 * HERTZ)
+        if step > shortest:  # of a slowly sampled record, rounded down it may be half of that
             step = max(step, raw * np.rint(step / raw))
-        step = min(step, 1 / (3 * HERTZ))
+        step = np.clip(step, shortest, 1 / (3 * HERTZ))
         edge = LIMITS.longest_edge
         return build_signals(
             self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge

@@ -234,10 +234,7 @@ class RichSearch(AfterRest):
         return None
 
     def if_better(
-        self,
-        fit: MotionFit,
-        larger: MotionFit,
-        added: list[ScoredCandidate],
+        self, fit: MotionFit, larger: MotionFit, added: list[ScoredCandidate]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
         """A larger model, if it keeps any of the added candidates; the others are not tried again."""
         effects, kept = {s.effect for s in added}, set(larger.layout.effects)

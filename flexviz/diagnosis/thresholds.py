@@ -220,7 +220,8 @@ class MotionThresholds:
     # times the noise: a last model that leaves more is incomplete; robot-like sets end below 9 without a law
     # of no library and above 20 with one (`python -m benchmarks.robotlike_study`)
     unexplained: float = 13.0
-    # of a joint's torque spread, above the noise: the same; simulated sets below 0.01, real ones 0.05 to 1
+    # of a joint's torque spread, held out, above `small_left`: a last model that leaves more is incomplete;
+    # simulated sets end below 0.01, real ones above 0.05
     unexplained_share: float = 0.05
     # times the noise, below which a search forwards may explain what a search backwards leaves: 14 to 42 in
     # five sets of the studies with seeds 79 and 97 where it did
