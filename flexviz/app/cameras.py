@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 import viser
@@ -18,13 +19,22 @@ HIDDEN_AFTER = 8.0  # [s] without an answer: the page is hidden, its browser dra
 RESTING = 1.0  # [s] a camera has not moved: nobody is turning it
 
 
+@dataclass
+class View:
+    """Where a browser's camera was pointed, and where it was before, until the browser is there."""
+
+    position: np.ndarray
+    look_at: np.ndarray
+    before: np.ndarray | None
+
+
 class Cameras:
     """The camera of every browser, pointed at both robots until its user moves it."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
-        self._views: dict[int, np.ndarray] = {}  # browser -> camera position
+        self._views: dict[int, View] = {}
         self._answered: dict[int, float] = {}  # browser -> its last answer [s, monotonic]
         self._nudged = 1e-4  # relative camera motion that triggers an update
         self._asked = 0.0  # last request of the canvas size [s, monotonic]
@@ -51,10 +61,15 @@ class Cameras:
         self._aimed[client.client_id] = aspect = _aspect(client)
         self._answered.setdefault(client.client_id, time.monotonic())
         camera, look = self._stage.camera(self._layout, aspect, self._hidden, self._view, self._robots)
-        self._views[client.client_id] = camera
+        last = self._views.get(client.client_id)
+        before = None if last is None else last.position
+        self._views[client.client_id] = view = View(camera, look, before)
+        self._point(client, view)
+
+    def _point(self, client: viser.ClientHandle, view: View) -> None:
         with client.atomic():
-            client.camera.position = camera
-            client.camera.look_at = look
+            client.camera.position = view.position * (1.0 + self._nudged)
+            client.camera.look_at = view.look_at
 
     def gone(self, client: viser.ClientHandle) -> None:
         self._aimed.pop(client.client_id, None)
@@ -69,6 +84,9 @@ class Cameras:
         """Aim again if the canvas size has changed and the user has not moved the camera."""
         if client.client_id in self._aimed:
             self._answered[client.client_id] = time.monotonic()
+        view = self._views.get(client.client_id)
+        if view is not None and self._near(client, view.position):
+            view.before = None
         now = _aspect(client)
         changed = abs(self._aimed.get(client.client_id, now) / now - 1.0) >= SAME_ASPECT
         if changed and self._unmoved(client.client_id, client):
@@ -76,12 +94,15 @@ class Cameras:
 
     def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
         """Whether the user has not moved this browser's camera."""
-        aimed = self._views.get(number)
-        if aimed is None:
+        view = self._views.get(number)
+        if view is None:
             return False
-        # a browser may apply the initial camera after it was aimed
-        ours = (aimed, self._begin)
-        away = min(float(np.linalg.norm(client.camera.position - place)) for place in ours)
+        # a browser may apply the initial camera after it was aimed, and tell its last view once more
+        ours = (view.position, self._begin, view.before)
+        return any(self._near(client, place) for place in ours if place is not None)
+
+    def _near(self, client: viser.ClientHandle, place: np.ndarray) -> bool:
+        away = float(np.linalg.norm(client.camera.position - place))
         return away < MOVED_CAMERA * self._stage.width
 
     def tick(self) -> None:
@@ -92,7 +113,7 @@ class Cameras:
         self._nudged = -self._nudged  # once for all: where it was before, a camera does not move
         for number, client in self._server.get_clients().items():
             if self._unmoved(number, client):
-                client.camera.position = self._views[number] * (1.0 + self._nudged)
+                self._point(client, self._views[number])
             elif time.monotonic() - self._answered.get(number, 0.0) > RESTING:
                 client.camera.position = client.camera.position * (1.0 + self._nudged)
 

@@ -195,10 +195,12 @@ def test_the_camera_has_presets(page: Any, shot: Any) -> None:
     tab(page, "View").click()
 
     def scene() -> np.ndarray:
-        return pixels(page, {"x": 345, "y": 60, "width": 640, "height": 500})
+        # means of 20 × 20 pixels: viser draws more coarsely when frames take long
+        seen = pixels(page, {"x": 345, "y": 60, "width": 640, "height": 500})
+        return seen.reshape(25, 20, 32, 20, 3).mean(axis=(1, 3))
 
     def like(other: np.ndarray) -> bool:
-        return bool(np.mean(np.abs(scene() - other).max(axis=2) > 40) <= 0.01)
+        return bool(np.mean(np.abs(scene() - other).max(axis=2) > 20) <= 0.03)
 
     before = last = within(SOON, scene, like)  # nothing moves any more
     shot(page, "labels")
