@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexviz.diagnosis import forward_search
@@ -14,10 +15,10 @@ from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
+from flexviz.estimation import Side, UnknownInput
 from flexviz.measurements import MeasurementSet
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.unknown_laws import Uneven, place_at, search_of, set_with, step_from
@@ -77,21 +78,30 @@ def test_two_effects_at_one_place_are_found_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "excess_now", "explains_all", "found", "looked"),
+    ("side", "acts"), [("motor", "torque_gain"), ("transmission", "backlash"), ("link", "external_contact")]
+)
+def test_effects_are_tried_on_the_side_that_explains_nearly_all(side: Side, acts: str) -> None:
+    layout = Layout(("joint1",))
+    place = UnknownPlace(UnknownInput(0, side, 1.0), layout, np.zeros(layout.size), True, 0.5, True)
+    assert place.entry(100.0) == EFFECTS[acts].entry
+    assert place.entry(20.0) is None  # something else may act on another side
+    assert replace(place, sure=False).entry(100.0) is None
+
+
+@pytest.mark.parametrize(
+    ("excess_now", "explains_all", "found", "looked"),
     [
-        (1, 100.0, True, "complete", True),
-        (1, 100.0, True, "incomplete", True),  # what is found there leaves more than noise
-        (1, 100.0, True, None, True),
-        (1, 100.0, False, None, False),  # no place explains all
-        (1, 100.0, None, None, False),
-        (1, 1.0, True, "complete", False),  # near the noise, candidates are tried as usual
-        (2, 100.0, True, "complete", False),  # so they are on a robot with few joints
+        (100.0, True, "complete", True),
+        (100.0, True, "incomplete", True),  # what is found there leaves more than noise
+        (100.0, True, None, True),
+        (100.0, False, None, False),  # no place explains all
+        (100.0, None, None, False),
+        (1.0, True, "complete", False),  # near the noise, candidates are tried as usual
     ],
 )
-def test_on_arms_far_from_the_noise_the_place_comes_first(
+def test_far_from_the_noise_the_place_comes_first(
     demo: MeasurementSet,
     monkeypatch: pytest.MonkeyPatch,
-    joints: int,
     excess_now: float,
     explains_all: bool | None,
     found: str | None,
@@ -99,8 +109,6 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
 ) -> None:
     search = search_of(demo)
     base = search.base
-    few = replace(THRESHOLDS, unknown_place=replace(THRESHOLDS.unknown_place, joints=joints))
-    monkeypatch.setattr(forward_search, "THRESHOLDS", few)
     monkeypatch.setattr(forward_search, "excess", lambda fit: excess_now)
     place = None if explains_all is None else place_at(1, base.layout, explains_all)
     asked = []
@@ -123,7 +131,7 @@ def test_on_arms_far_from_the_noise_the_place_comes_first(
     )
     monkeypatch.setattr(forward_search, "changing_size", lambda *_: None)
     assert search.look_at_place_first() == looked
-    expected = [] if joints == 2 or excess_now == 1.0 else ["place"]
+    expected = [] if excess_now == 1.0 else ["place"]
     if looked:
         expected += ["effect", "more"] if found else ["effect"]
     assert asked == expected

@@ -8,7 +8,7 @@ them leaves much more.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from flexviz.diagnosis.hidden_starts import starts
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import ScoredCandidate
 from flexviz.parallel import shared
 
@@ -39,60 +39,81 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
         fit: the present model, from which the effect was not found.
         place: where an arbitrary torque explains everything.
     """
-    joint, needed = place.unknown.joint, THRESHOLDS.unknown_place
+    needed = THRESHOLDS.unknown_place
     try:
         start = search.context.fit(place.layout, place.x, iterations=0, near=fit)
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return []
     search.say(stages.AT_PLACE.format(place.joint))
     nothing = Gained(0.0, np.zeros(start.layout.n))
-    first = _added(search, start, joint, nothing)
+    first = _added(search, start, place, nothing)
     if first is None and excess(fit) < needed.from_present:
-        first = _added(search, fit, joint, nothing)
+        first = _added(search, fit, place, nothing)
     if first is None or first.after.objective > fit.objective:
         return []
     first = replace(first, before=fit)
     if removed_share(start, first.after) >= needed.explained:
         return [first]
     gained = Gained.by_effects(first.after, search.context.without_effects(fit))
-    second = _added(search, first.after, joint, gained)
+    second = _added(search, first.after, place, gained)
     if second is None or removed_share(start, second.after) < needed.explained:
         return []
     return [first, second]
 
 
-def _added(search: Search, fit: Fit, joint: int, gained: Gained) -> SearchStep | None:
-    """The effect on a joint that explains most of what a fit leaves; earlier effects gained `gained`."""
+@dataclass(frozen=True)
+class _Refit:
+    """A model refitted, perhaps by another process: fits are too large to be sent.
+
+    Attributes:
+        model: its values.
+        left: its excess.
+        objective: of the search.
+    """
+
+    model: ModelStart
+    left: float
+    objective: float
+
+
+def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> SearchStep | None:
+    """The effect at a place that explains most of what a fit leaves; earlier effects gained `gained`."""
+    joint, entry = place.unknown.joint, place.entry(excess(fit))
+
+    def may_act(effect: ChosenEffect) -> bool:
+        return entry is None or EFFECTS[effect.effect].entry == entry
+
     context = search.context
     scores = search.scores(fit, joint=joint)
-    ranked = {s.effect: s for s in scores.ranked}
-    tried = {s.effect: s for s in _leading(scores.ranked)}
+    ranked = {s.effect: s for s in scores.ranked if may_act(s.effect)}
+    tried = {s.effect: s for s in _leading([*ranked.values()])}
     for effect in candidates(fit.layout, context.measurements.groups):
-        if effect.joint == joint and EFFECTS[effect.effect].underrated:
+        if effect.joint == joint and may_act(effect) and EFFECTS[effect.effect].underrated:
             tried[effect] = ranked.get(effect) or unscored(effect, fit)
     trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
     far = excess(fit) > LIMITS.far_off
 
-    def refit(at: ModelStart) -> tuple[Array, float]:
+    def refit(at: ModelStart) -> _Refit:
         found = search.fit_from(at, LIMITS.short_refit, near=fit)
-        if far and not EFFECTS[at.layout.effects[-1].effect].absorbed_by_stiffness:
+        law = EFFECTS[at.layout.effects[-1].effect]
+        if far and not law.absorbed_by_stiffness and excess(found) >= LIMITS.noise_reached:
             plain = ModelStart(at.layout, context.plain_fit(at.layout, at.x, search.check))
             found = min(found, search.fit_from(plain, LIMITS.short_refit), key=excess)
-        return found.x, excess(found)
+        return _Refit(ModelStart(at.layout, found.x), excess(found), found.objective)
 
     most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(fit)
-    fitted = shared(refit, [at for _, at in trials])
+    best: dict[ChosenEffect, tuple[ScoredCandidate, _Refit]] = {}
+    for (s, _), found in zip(trials, shared(refit, [at for _, at in trials]), strict=True):
+        known = best.get(s.effect)
+        if found.left < most and (known is None or found.objective < known[1].objective):
+            best[s.effect] = s, found
     refitted = search.halving(
-        [
-            RefittedCandidate(s, search.fit_from(ModelStart(at.layout, x), 0, near=fit))
-            for (s, at), (x, left) in zip(trials, fitted, strict=True)
-            if left < most
-        ]
+        [RefittedCandidate(s, search.fit_from(found.model, 0, near=fit)) for s, found in best.values()]
     )
-    best = search.acceptable(fit, refitted, gained)
-    if best is not None and structured(best.fit, fit):
-        best = _damped(search, best)
-    return best and SearchStep(fit, best, Comparison(refitted).objectives, scores.shortened())
+    chosen = search.acceptable(fit, refitted, gained)
+    if chosen is not None and structured(chosen.fit, fit):
+        chosen = _damped(search, chosen)
+    return chosen and SearchStep(fit, chosen, Comparison(refitted).objectives, scores.shortened())
 
 
 def _damped(search: Search, refitted: RefittedCandidate) -> RefittedCandidate:

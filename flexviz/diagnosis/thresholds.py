@@ -136,6 +136,9 @@ class UnknownPlaceThresholds:
     # what inputs on other joints, or on another side, leave at least: this many times as much ...
     lead: float = 3.0
     least_lead: float = 0.3  # ... and that much more
+    # share of a model's excess that the input leaves, below which only effects on its side are tried: beside
+    # the larger of two effects on different sides it left 0.1 of what the other explained
+    left_of_side: float = 0.01
     # share of what the input leaves below which effects explain more than any torque there: two right ones
     # left 0.43 of it in the study with seed 109
     beyond: float = 0.5

@@ -17,6 +17,7 @@ from flexviz.diagnosis.acceptance import excess
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import Entry
 from flexviz.equation import Layout
 from flexviz.estimation import SIDES, Side, UnknownInput
 from flexviz.parallel import shared
@@ -30,6 +31,7 @@ PLACES: dict[Side, str] = {
     "transmission": "in the transmission of {}",
     "link": "on the link side of {}",
 }
+ENTRIES: dict[Side, Entry] = {"motor": "torque", "transmission": "deflection", "link": "residual"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,14 @@ class UnknownPlace:
     def complete(self) -> bool:
         """Whether all joints agree with the noise beside the input; otherwise it explains most."""
         return self.left <= LIMITS.reached
+
+    def entry(self, excess: float) -> Entry | None:
+        """How nearly all that is missing enters the equation; None if that is not sure.
+
+        `excess`: of a model that lacks it.
+        """
+        nearly_all = self.left < LIMITS.left_of_side * excess
+        return ENTRIES[self.unknown.side] if self.sure and nearly_all else None
 
     @property
     def joint(self) -> str:
