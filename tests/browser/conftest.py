@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SPARE_FRAMES, close_notices, tab
+from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SPARE_FRAMES, close_notices, picture, tab
 
 PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
 
@@ -92,6 +92,7 @@ def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, he
     page.goto(address)
     page.wait_for_selector(".uplot .u-over")
     page.evaluate(SPARE_FRAMES)
+    page.evaluate("window.sceneIsHidden = true")
     close_notices(page)
     return page
 
@@ -142,11 +143,11 @@ def shot() -> Callable[[Any, str], bytes]:
     """shot(page, name) -> a screenshot, kept where FLEXVIZ_SCREENSHOTS names a folder."""
 
     def take(page: Any, name: str) -> bytes:
-        picture: bytes = page.screenshot()
+        taken = picture(page)
         folder = os.environ.get("FLEXVIZ_SCREENSHOTS")
         if folder:
             Path(folder).mkdir(parents=True, exist_ok=True)
-            (Path(folder) / f"{name}.png").write_bytes(picture)
-        return picture
+            (Path(folder) / f"{name}.png").write_bytes(taken)
+        return taken
 
     return take

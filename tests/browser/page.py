@@ -19,10 +19,8 @@ FLAGS = [
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 # Drawing without a graphics card is slow. The light of viser's surroundings is computed with 4 samples per
-# pixel instead of 256 (9 s of processor time per page), edges are not smoothed, and the scene has a quarter
-# of the pixels unless its screenshots are kept (a third of the time per frame); a page that is there is drawn
-# 10 times per second at most.
-COARSE = "" if os.environ.get("FLEXVIZ_SCREENSHOTS") else "ratio = 0.5;"
+# pixel instead of 256 (9 s of processor time per page), and edges are not smoothed; a page that is there has
+# 10 frames per second at most, in which its scene is drawn only for a picture (`picture`).
 PLAIN_SCENE = """(() => {
     const kind = WebGL2RenderingContext.prototype, compile = kind.shaderSource;
     kind.shaderSource = function (shader, text) {
@@ -32,10 +30,18 @@ PLAIN_SCENE = """(() => {
     canvas.getContext = function (kind, options) {
         return context.call(this, kind, kind.startsWith('webgl') ? {...options, antialias: false} : options);
     };
-    let ratio = window.devicePixelRatio;
-    COARSE
-    Object.defineProperty(window, 'devicePixelRatio', {get: () => ratio});
-})()""".replace("COARSE", COARSE)
+    const bind = kind.bindFramebuffer, onScreen = new WeakSet();
+    kind.bindFramebuffer = function (target, buffer) {
+        if (target !== this.READ_FRAMEBUFFER) buffer ? onScreen.delete(this) : onScreen.add(this);
+        bind.call(this, target, buffer);
+    };
+    for (const name of ['Arrays', 'ArraysInstanced', 'Elements', 'ElementsInstanced', 'RangeElements']) {
+        const draw = kind['draw' + name];
+        kind['draw' + name] = function (...what) {
+            if (!window.sceneIsHidden || !onScreen.has(this)) draw.apply(this, what);
+        };
+    }
+})()"""
 SPARE_FRAMES = """() => {
     const draw = window.requestAnimationFrame.bind(window), stop = window.cancelAnimationFrame.bind(window);
     const cancel = new Map();
@@ -50,6 +56,7 @@ SPARE_FRAMES = """() => {
     };
     window.cancelAnimationFrame = id => { (cancel.get(id) ?? (() => stop(id)))(); cancel.delete(id); };
 }"""
+FRAMES = "() => new Promise(seen => requestAnimationFrame(() => requestAnimationFrame(seen)))"  # two of them
 # the same places as install_chromium.sh; None: Playwright's own
 NAMES = (os.environ.get("FLEXVIZ_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -192,10 +199,19 @@ def place(page: Any, name: str) -> list[float]:
     return (node(page, name) or [])[12:15]
 
 
+def picture(page: Any, box: dict[str, float] | None = None) -> bytes:
+    """A screenshot of the page, or of a box of it; its scene is drawn for that."""
+    page.evaluate("window.sceneIsHidden = false")
+    page.evaluate(FRAMES)
+    taken: bytes = page.screenshot(clip=box) if box else page.screenshot()
+    page.evaluate("window.sceneIsHidden = true")
+    return taken
+
+
 def pixels(page: Any, box: dict[str, float] | None = None) -> np.ndarray:
     """RGB of what is on the page, or in a box of it, (rows, columns, 3)."""
-    picture = page.screenshot(clip=box) if box else page.screenshot()
-    return np.asarray(pytest.importorskip("PIL.Image").open(io.BytesIO(picture)).convert("RGB")).astype(int)
+    image = pytest.importorskip("PIL.Image").open(io.BytesIO(picture(page, box)))
+    return np.asarray(image.convert("RGB")).astype(int)
 
 
 def ghost(page: Any) -> list[tuple[int, int]]:
