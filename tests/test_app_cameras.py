@@ -16,7 +16,7 @@ STAGE: Any = SimpleNamespace(
     width=1.0,
     camera=lambda layout, aspect=1.0, hidden=(), view="Front", count=2: (np.array(PLACES[view]), np.zeros(3)),
 )
-PLACES = {"Front": [2.0, 1.0, 1.0], "Above": [0.1, 0.0, 3.0]}
+PLACES = {"Front": [2.0, 1.0, 1.0], "Oblique": [1.5, 1.5, 2.0], "Above": [0.1, 0.0, 3.0]}
 
 
 def pages(count: int, position: list[float]) -> dict[int, Any]:
@@ -64,6 +64,7 @@ def test_every_browser_is_moved_each_time(clock: list[float], count: int) -> Non
 def test_a_late_report_of_the_last_view_is_no_move(clock: list[float]) -> None:
     clients = pages(1, PLACES["Front"])
     ours, camera = shown(clients), clients[0].camera
+    ours.show(STAGE, "Side by side", "Oblique", 2, 2)
     ours.show(STAGE, "Side by side", "Above", 2, 2)
     camera.position, camera.look_at = np.array(PLACES["Front"]), np.ones(3)  # sent before it got there
     ours.resized(clients[0])

@@ -21,11 +21,11 @@ RESTING = 1.0  # [s] a camera has not moved: nobody is turning it
 
 @dataclass
 class View:
-    """Where a browser's camera was pointed, and where it was before, until the browser is there."""
+    """Where a browser's camera was pointed, and until it is there, where it was pointed before."""
 
     position: np.ndarray
     look_at: np.ndarray
-    before: np.ndarray | None
+    before: tuple[np.ndarray, ...]
 
 
 class Cameras:
@@ -62,7 +62,7 @@ class Cameras:
         self._answered.setdefault(client.client_id, time.monotonic())
         camera, look = self._stage.camera(self._layout, aspect, self._hidden, self._view, self._robots)
         last = self._views.get(client.client_id)
-        before = None if last is None else last.position
+        before = () if last is None else (*last.before, last.position)
         self._views[client.client_id] = view = View(camera, look, before)
         self._point(client, view)
 
@@ -86,7 +86,7 @@ class Cameras:
             self._answered[client.client_id] = time.monotonic()
         view = self._views.get(client.client_id)
         if view is not None and self._near(client, view.position):
-            view.before = None
+            view.before = ()
         now = _aspect(client)
         changed = abs(self._aimed.get(client.client_id, now) / now - 1.0) >= SAME_ASPECT
         if changed and self._unmoved(client.client_id, client):
@@ -97,9 +97,8 @@ class Cameras:
         view = self._views.get(number)
         if view is None:
             return False
-        # a browser may apply the initial camera after it was aimed, and tell its last view once more
-        ours = (view.position, self._begin, view.before)
-        return any(self._near(client, place) for place in ours if place is not None)
+        # a browser may apply the initial camera after it was aimed, and report an earlier view late
+        return any(self._near(client, ours) for ours in (view.position, self._begin, *view.before))
 
     def _near(self, client: viser.ClientHandle, place: np.ndarray) -> bool:
         away = float(np.linalg.norm(client.camera.position - place))

@@ -58,12 +58,12 @@ class UnknownPlace:
         """Whether all joints agree with the noise beside the input; otherwise it explains most."""
         return self.left <= LIMITS.reached
 
-    def entry(self, excess: float) -> Entry | None:
+    def entry(self, lacking: float) -> Entry | None:
         """How nearly all that is missing enters the equation; None if that is not sure.
 
-        `excess`: of a model that lacks it.
+        `lacking`: the excess of a model that lacks it.
         """
-        nearly_all = self.left < LIMITS.left_of_side * excess
+        nearly_all = self.left < LIMITS.left_of_side * lacking
         return ENTRIES[self.unknown.side] if self.sure and nearly_all else None
 
     @property
