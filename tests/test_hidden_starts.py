@@ -35,8 +35,9 @@ def test_elastic_effects_are_refitted_where_their_scores_mean_little(
     loud = replace(fit, chi=np.array([1.0, 1000.0]))
     fitted: list[ChosenEffect] = []
 
-    def recorded(start: ModelStart, *_: object, **__: object) -> Fit:
-        fitted.append(start.layout.effects[-1])
+    def recorded(start: ModelStart, iterations: int, **_: object) -> Fit:
+        if iterations:
+            fitted.append(start.layout.effects[-1])
         return replace(fit, layout=start.layout, x=start.x)
 
     monkeypatch.setattr(search, "fit_from", recorded)

@@ -8,7 +8,8 @@ them leaves much more.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,12 @@ from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.hidden_starts import starts
+from flexviz.diagnosis.refits import best_refits
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import ScoredCandidate
-from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
@@ -61,21 +62,6 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     return [first, second]
 
 
-@dataclass(frozen=True)
-class _Refit:
-    """A model refitted, perhaps by another process: fits are too large to be sent.
-
-    Attributes:
-        model: its values.
-        left: its excess.
-        objective: of the search.
-    """
-
-    model: ModelStart
-    left: float
-    objective: float
-
-
 def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> SearchStep | None:
     """The effect at a place that explains most of what a fit leaves; earlier effects gained `gained`."""
     joint, entry = place.unknown.joint, place.entry(excess(fit))
@@ -93,23 +79,16 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> Sea
     trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
     far = excess(fit) > LIMITS.far_off
 
-    def refit(at: ModelStart) -> _Refit:
+    def refit(at: ModelStart) -> Fit:
         found = search.fit_from(at, LIMITS.short_refit, near=fit)
         law = EFFECTS[at.layout.effects[-1].effect]
-        if far and not law.absorbed_by_stiffness and excess(found) >= LIMITS.noise_reached:
-            plain = ModelStart(at.layout, context.plain_fit(at.layout, at.x, search.check))
-            found = min(found, search.fit_from(plain, LIMITS.short_refit), key=excess)
-        return _Refit(ModelStart(at.layout, found.x), excess(found), found.objective)
+        if not far or law.absorbed_by_stiffness or excess(found) < LIMITS.noise_reached:
+            return found
+        return min(found, search.afresh(at, LIMITS.short_refit), key=excess)
 
     most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(fit)
-    best: dict[ChosenEffect, tuple[ScoredCandidate, _Refit]] = {}
-    for (s, _), found in zip(trials, shared(refit, [at for _, at in trials]), strict=True):
-        known = best.get(s.effect)
-        if found.left < most and (known is None or found.objective < known[1].objective):
-            best[s.effect] = s, found
-    refitted = search.halving(
-        [RefittedCandidate(s, search.fit_from(found.model, 0, near=fit)) for s, found in best.values()]
-    )
+    evaluate = partial(search.fit_from, iterations=0, near=fit)
+    refitted = search.halving(best_refits(trials, refit, evaluate, most))
     chosen = search.acceptable(fit, refitted, gained)
     if chosen is not None and structured(chosen.fit, fit):
         chosen = _damped(search, chosen)

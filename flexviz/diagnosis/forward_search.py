@@ -94,8 +94,8 @@ class ForwardSearch:
         final = self.final
         return verdict(final, self.reference) != "unknown" and changing_size(self.context, final) is None
 
-    def add_effects(self, near: NearNoise | None = None) -> None:
-        """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
+    def add_effects(self, near: NearNoise | None = None, most: int = LIMITS.rounds) -> None:
+        """Add up to `most` effects, until none is acceptable; `near`: a model that may explain all."""
         for number in range(LIMITS.rounds):
             self.form_products()
             fit = self.final
@@ -122,6 +122,8 @@ class ForwardSearch:
                 break
             self.drop_superfluous()
             self.exchange()
+            if len(self.steps) >= most:
+                break
 
     def form_products(self) -> None:
         """From now on form products of signals before they are filtered, if that explains what is left.

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.diagnosis.candidates import ModelStart, with_effect
+from flexviz.diagnosis.candidates import ModelStart, candidates, with_effect
+from flexviz.diagnosis.comparison import CandidateScores, unscored
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
@@ -38,3 +39,22 @@ def starts(context: FitContext, fit: Fit, scored: ScoredCandidate) -> list[Model
         x[first.layout.compliance.start + joint] = hidden.compliance
         found.append(ModelStart(first.layout, x))
     return found
+
+
+def hidden_trials(
+    context: FitContext, fit: Fit, loud: list[int], scores: CandidateScores | None
+) -> list[tuple[ScoredCandidate, ModelStart]]:
+    """Effects whose scores mean little, and from where to refit them.
+
+    Those on the `loud` joints, from several starts; and, with `scores`, elastic ones for which these promise
+    something only with the wrong sign: near a biased model they may be wrong about that.
+    """
+    ranked = {s.effect: s for s in scores.ranked} if scores else {}
+    out = []
+    for effect in candidates(fit.layout, context.measurements.groups):
+        law, is_loud = EFFECTS[effect.effect], effect.joint in loud
+        wrong_sign = scores is not None and effect not in ranked
+        if law.underrated if is_loud else law.absorbed_by_stiffness and wrong_sign:
+            scored = ranked.get(effect) or unscored(effect, fit)
+            out += [(scored, start) for start in starts(context, fit, scored)[: None if is_loud else 1]]
+    return out

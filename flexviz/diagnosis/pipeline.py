@@ -183,7 +183,7 @@ class _Pipeline:
                     search.find_place()
                     return True
             if not begun and just_incomplete(rich):
-                search.add_effects()
+                search.add_effects(most=THRESHOLDS.motion.few_instead)
                 self.forward = search
                 return search.complete
         return False

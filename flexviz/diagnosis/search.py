@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +36,17 @@ from flexviz.diagnosis.comparison import (
     best_of,
     by_objective,
     optimistic_gain,
-    unscored,
 )
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.hidden_starts import loudest, starts
+from flexviz.diagnosis.hidden_starts import hidden_trials, loudest
+from flexviz.diagnosis.refits import best_refits
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
 from flexviz.estimation import ScoredCandidate, Weigh
+from flexviz.wording import plural
 
 Array = NDArray[np.float64]
 
@@ -188,11 +190,10 @@ class Search:
         start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
         return RefittedCandidate(scored, self.fit_from(start, iterations, near=fit))
 
-    def refit_afresh(self, fit: Fit, scored: ScoredCandidate, iterations: int) -> RefittedCandidate:
-        """Refit of one candidate from a plain fit, for a present model that may be far off."""
-        start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+    def afresh(self, start: ModelStart, iterations: int) -> Fit:
+        """Fit from a plain one, which takes only the effects' values from a start that may be far off."""
         x = self.context.plain_fit(start.layout, start.x, self.check)
-        return RefittedCandidate(scored, self.fit_from(ModelStart(start.layout, x), iterations))
+        return self.fit_from(ModelStart(start.layout, x), iterations)
 
     def fit_from(
         self, start: ModelStart, iterations: int, near: Fit | None = None, beat: float = np.inf
@@ -209,34 +210,30 @@ class Search:
         direct = self.converged(self.refit(fit, scored, LIMITS.full_refit))
         if excess(fit) < LIMITS.far_off or excess(direct.fit) < LIMITS.noise_reached:
             return direct
-        return best_of((direct, self.refit_afresh(fit, scored, LIMITS.full_refit)))
+        start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        return best_of((direct, RefittedCandidate(scored, self.afresh(start, LIMITS.full_refit))))
 
     def short_refits(self, fit: Fit, chosen: list[ScoredCandidate]) -> list[RefittedCandidate]:
         """A few iterations per candidate, from the present model and, if far off, also from a plain fit."""
-        ways = [self.refit, self.refit_afresh] if excess(fit) > LIMITS.far_off else [self.refit]
-        return [best_of(way(fit, s, LIMITS.short_refit) for way in ways) for s in chosen]
+
+        def refit(trial: tuple[ModelStart, bool]) -> Fit:
+            way = self.afresh if trial[1] else partial(self.fit_from, near=fit)
+            return way(trial[0], LIMITS.short_refit)
+
+        self.say(f"testing {plural(len(chosen), 'other candidate')}")
+        ways = (False, True) if excess(fit) > LIMITS.far_off else (False,)
+        starts = ((s, with_effect(fit.layout, fit.x, s.effect, s.values)) for s in chosen)
+        trials = [(s, (start, afresh)) for s, start in starts for afresh in ways]
+        return best_refits(trials, refit, partial(self.fit_from, iterations=0, near=fit))
 
     def underrated(
         self, fit: Fit, loud: list[int], scores: CandidateScores | None
     ) -> list[RefittedCandidate]:
-        """Refits of effects whose scores mean little.
-
-        Those on the `loud` joints, from several starts; and, with `scores`, elastic ones for which these
-        promise something only with the wrong sign: near a biased model they may be wrong about that.
-        """
-        ranked = {s.effect: s for s in scores.ranked} if scores else {}
-        out = []
-        for effect in candidates(fit.layout, self.context.measurements.groups):
-            law, is_loud = EFFECTS[effect.effect], effect.joint in loud
-            wrong_sign = scores is not None and effect not in ranked
-            if not (law.underrated if is_loud else law.absorbed_by_stiffness and wrong_sign):
-                continue
-            scored = ranked.get(effect) or unscored(effect, fit)
-            self.say(f"testing candidate{' from several starts' if is_loud else ''}: {law.title}")
-            tried = starts(self.context, fit, scored)[: None if is_loud else 1]
-            fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in tried)
-            out.append(best_of(RefittedCandidate(scored, found) for found in fits))
-        return out
+        """Refits of effects whose scores mean little (`hidden_trials`)."""
+        trials = hidden_trials(self.context, fit, loud, scores)
+        self.say(f"testing {plural(len(trials), 'start')} of effects that may be hidden")
+        refit = partial(self.fit_from, iterations=LIMITS.short_refit, near=fit)
+        return best_refits(trials, refit, partial(refit, iterations=0))
 
     def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:
         """The other candidates from the values of a leader that explains everything.

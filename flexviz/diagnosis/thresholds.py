@@ -229,6 +229,7 @@ class MotionThresholds:
     # times the noise, below which a search forwards may explain what a search backwards leaves: 14 to 42 in
     # five sets of the studies with seeds 79 and 97 where it did
     just_unexplained: float = 50.0
+    few_instead: int = 3  # effects that it may add for that: sets of those studies hide one or two
     small_left: float = 2.0  # times the noise, from which a note says that small effects may be left
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
     curve_lead: float = 1.5  # ... and relative to the best candidate's

@@ -1,0 +1,55 @@
+"""Candidates refitted on all cores."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis.candidates import ModelStart, with_effect
+from flexviz.diagnosis.comparison import unscored
+from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.refits import best_refits
+from flexviz.effects import ChosenEffect
+from flexviz.measurements import MeasurementSet
+from flexviz.parallel import on_cores
+from tests.unknown_laws import search_of
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_the_best_refit_of_each_effect_is_evaluated_in_this_process(demo: MeasurementSet, cores: int) -> None:
+    fit = search_of(demo).base
+    spring, offset = (ChosenEffect(name, 1) for name in ("cable_spring", "torque_offset"))
+    trials = []
+    # objective and excess of a refit from each start; the first parameter tells the starts apart
+    ends = {1.0: (30.0, 2.0), 2.0: (10.0, 2.0), 3.0: (20.0, 2.0), 4.0: (5.0, 9.0)}
+    for effect, mark in ((spring, 1.0), (spring, 2.0), (spring, 3.0), (offset, 4.0)):
+        values = np.full(2 if effect == spring else 1, mark)
+        trials.append((unscored(effect, fit), with_effect(fit.layout, fit.x, effect, values)))
+
+    def refit(start: ModelStart) -> Fit:
+        objective, left = ends[start.x[fit.layout.size]]
+        chi = np.full(2, 1.0 + left)
+        return replace(
+            fit,
+            layout=start.layout,
+            x=start.x,
+            objective=objective,
+            chi=chi,
+            chi_held_out=chi,
+            converged=True,
+        )
+
+    evaluated: list[float] = []
+
+    def evaluate(model: ModelStart) -> Fit:
+        evaluated.append(float(model.x[fit.layout.size]))
+        return replace(fit, layout=model.layout, x=model.x, converged=False)
+
+    with on_cores(cores):
+        found = best_refits(trials, refit, evaluate)
+        assert [r.effect for r in found] == [spring, offset] and evaluated == [2.0, 4.0]
+        assert all(r.fit.converged for r in found)
+        found = best_refits(trials, refit, evaluate, most=5.0)
+    assert [r.effect for r in found] == [spring]
