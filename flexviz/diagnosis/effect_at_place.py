@@ -77,12 +77,12 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> Sea
         if effect.joint == joint and may_act(effect) and EFFECTS[effect.effect].underrated:
             tried[effect] = ranked.get(effect) or unscored(effect, fit)
     trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
-    far = excess(fit) > LIMITS.far_off
+    biased = entry is None and excess(fit) > LIMITS.far_off  # by something on another side
 
     def refit(at: ModelStart) -> Fit:
         found = search.fit_from(at, LIMITS.short_refit, near=fit)
         law = EFFECTS[at.layout.effects[-1].effect]
-        if not far or law.absorbed_by_stiffness or excess(found) < LIMITS.noise_reached:
+        if not biased or law.absorbed_by_stiffness or excess(found) < LIMITS.noise_reached:
             return found
         return min(found, search.afresh(at, LIMITS.short_refit), key=excess)
 
