@@ -15,6 +15,7 @@ from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
@@ -89,19 +90,21 @@ def test_effects_are_tried_on_the_side_that_explains_nearly_all(side: Side, acts
 
 
 @pytest.mark.parametrize(
-    ("excess_now", "explains_all", "found", "looked"),
+    ("joints", "excess_now", "explains_all", "found", "looked"),
     [
-        (100.0, True, "complete", True),
-        (100.0, True, "incomplete", True),  # what is found there leaves more than noise
-        (100.0, True, None, True),
-        (100.0, False, None, False),  # no place explains all
-        (100.0, None, None, False),
-        (1.0, True, "complete", False),  # near the noise, candidates are tried as usual
+        (1, 100.0, True, "complete", True),
+        (1, 100.0, True, "incomplete", True),  # what is found there leaves more than noise
+        (1, 100.0, True, None, True),
+        (1, 100.0, False, None, False),  # no place explains all
+        (1, 100.0, None, None, False),
+        (1, 1.0, True, "complete", False),  # near the noise, candidates are tried as usual
+        (2, 100.0, True, "complete", False),  # so they are on a robot with few joints
     ],
 )
-def test_far_from_the_noise_the_place_comes_first(
+def test_on_arms_far_from_the_noise_the_place_comes_first(
     demo: MeasurementSet,
     monkeypatch: pytest.MonkeyPatch,
+    joints: int,
     excess_now: float,
     explains_all: bool | None,
     found: str | None,
@@ -109,6 +112,8 @@ def test_far_from_the_noise_the_place_comes_first(
 ) -> None:
     search = search_of(demo)
     base = search.base
+    few = replace(THRESHOLDS, unknown_place=replace(THRESHOLDS.unknown_place, joints=joints))
+    monkeypatch.setattr(forward_search, "THRESHOLDS", few)
     monkeypatch.setattr(forward_search, "excess", lambda fit: excess_now)
     place = None if explains_all is None else place_at(1, base.layout, explains_all)
     asked = []
@@ -131,7 +136,7 @@ def test_far_from_the_noise_the_place_comes_first(
     )
     monkeypatch.setattr(forward_search, "changing_size", lambda *_: None)
     assert search.look_at_place_first() == looked
-    expected = [] if excess_now == 1.0 else ["place"]
+    expected = [] if joints == 2 or excess_now == 1.0 else ["place"]
     if looked:
         expected += ["effect", "more"] if found else ["effect"]
     assert asked == expected

@@ -152,10 +152,10 @@ class ForwardSearch:
     def look_at_place_first(self) -> bool:
         """Whether an arbitrary torque at one place explains all that the set's own model lacks.
 
-        The effect that acts there is added, if there is one. Far from the noise, trying all candidates would
-        take most of the time, and what they explain elsewhere would be withdrawn.
+        The effect that acts there is added, if there is one. On an arm far from the noise, trying all
+        candidates would take most of the time, and what they explain elsewhere would be withdrawn.
         """
-        if excess(self.base) < LIMITS.far_off:
+        if self.base.layout.n <= THRESHOLDS.unknown_place.joints or excess(self.base) < LIMITS.far_off:
             return False
         place = self.place_of_base()
         if place is None or not place.complete:

@@ -38,7 +38,9 @@ PLAIN_SCENE = """(() => {
     for (const name of ['Arrays', 'ArraysInstanced', 'Elements', 'ElementsInstanced', 'RangeElements']) {
         const draw = kind['draw' + name];
         kind['draw' + name] = function (...what) {
-            if (!window.sceneIsHidden || !onScreen.has(this)) draw.apply(this, what);
+            if (window.sceneIsHidden && onScreen.has(this)) return;
+            draw.apply(this, what);
+            if (onScreen.has(this)) window.sceneIsDrawn = true;
         };
     }
 })()"""
@@ -201,7 +203,8 @@ def place(page: Any, name: str) -> list[float]:
 
 def picture(page: Any, box: dict[str, float] | None = None) -> bytes:
     """A screenshot of the page, or of a box of it; its scene is drawn for that."""
-    page.evaluate("window.sceneIsHidden = false")
+    page.evaluate("window.sceneIsHidden = false; if (window.sceneIsDrawn) window.sceneIsDrawn = false")
+    within(SOON, lambda: page.evaluate("window.sceneIsDrawn !== false"))  # all of a frame at once
     page.evaluate(FRAMES)
     taken: bytes = page.screenshot(clip=box) if box else page.screenshot()
     page.evaluate("window.sceneIsHidden = true")
