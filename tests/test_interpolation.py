@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 
-from flexviz.interpolation import CubicInterpolation
+from flexviz.interpolation import CubicInterpolation, TridiagonalSystem
 
 
 @pytest.mark.parametrize("count", [4, 5, 300])
@@ -27,3 +28,13 @@ def test_a_cubic_is_met_exactly() -> None:
     at = np.linspace(0, 1.4, 50)
     value, rate = CubicInterpolation(time, at).read(2 - time + 3 * time**3)
     assert np.allclose(value, 2 - at + 3 * at**3) and np.allclose(rate, 9 * at**2 - 1)
+
+
+@pytest.mark.parametrize("count", [2, 3, 7, 400])
+def test_neighbouring_unknowns_are_solved_as_by_elimination(count: int) -> None:
+    rng = np.random.default_rng(count)
+    below, above = rng.uniform(0.1, 1.0, (2, count - 1))
+    middle, right = rng.uniform(2.0, 3.0, count), rng.normal(size=count)
+    bands = np.array([np.r_[0.0, above], middle, np.r_[below, 0.0]])
+    found = TridiagonalSystem(below, middle, above).solve(right)
+    np.testing.assert_allclose(found, solve_banded((1, 1), bands, right), rtol=1e-13, atol=1e-13)

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
 from flexviz.fourier import quick_length
 from flexviz.observers import Observer
@@ -298,7 +297,7 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
 def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Array, Array]:
     """Predictor (T, p, n, n) of the samples t, and inverse Cholesky factor (T, n, n) of its error."""
     order, n = len(covariance) - 1, covariance.shape[2]
-    past = np.empty((len(t), order, n, order, n))  # its upper triangle: symmetric
+    past = np.empty((len(t), order, n, order, n))
     for i in range(order):
         row = covariance[: order - i, np.maximum(t - 1 - i, 0)]  # Cov(r_{t−1−i}, r_{t−1−j}) for j = i … p − 1
         missing = t - 1 - np.arange(i, order)[:, None] < 0
@@ -306,6 +305,7 @@ def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Arra
             row[missing] = 0.0
             row[0, missing[0]] = np.eye(n)
         past[:, i, :, i:, :] = row.transpose(1, 2, 0, 3)
+        past[:, i:, :, i, :] = row.transpose(1, 0, 3, 2)  # symmetric
     cross = np.stack(
         [covariance[k + 1, t] for k in range(order)], axis=1
     )  # (T, p, n, n): Cov(r_t, r_{t−1−k})
@@ -314,20 +314,10 @@ def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Arra
     added = ridge * np.trace(covariance[0].mean(axis=0)) / n
     diagonal = np.arange(order * n)
     flat[:, diagonal, diagonal] += added
-    weights = _solved(flat, right)
+    weights: Array = np.linalg.solve(flat, right).astype(float, copy=False)
     # with F w = b: Cov − bᵀ w − wᵀ b + wᵀ (F − ridge) w = Cov − bᵀ w − ridge wᵀ w
     turned = weights.transpose(0, 2, 1)
     remaining = covariance[0, t] - turned @ right - added * (turned @ weights)
     remaining = 0.5 * (remaining + remaining.transpose(0, 2, 1))
     scale = np.linalg.inv(np.linalg.cholesky(remaining))
     return weights.reshape(len(t), order, n, n).transpose(0, 1, 3, 2), scale
-
-
-def _solved(matrices: Array, right: Array) -> Array:
-    """Solutions, shape (T, P, m), of positive definite systems, upper triangles (T, P, P), with (T, P, m)."""
-    out = np.empty_like(right)
-    for k, (matrix, b) in enumerate(zip(matrices, right, strict=True)):
-        out[k], failed = sp.linalg.lapack.dposv(matrix.T, b, lower=True)[1:]
-        if failed:  # not positive definite to working precision
-            out[k] = np.linalg.solve(np.triu(matrix) + np.triu(matrix, 1).T, b)
-    return out
