@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from flexviz.effects import EFFECTS, CurveForm, curve_points, draft_effect, forget_effects, load_effects
 from flexviz.effects import simple_form as form_of
@@ -105,8 +106,8 @@ def test_what_is_proportional_to_velocity_does_not_count() -> None:
     std = rng.uniform(0.1, 0.4, (2, 40))
     points = curve_points("velocity", SPEED.tolist(), rng.normal(size=(2, 40)), std)
     signed = np.r_[SPEED, -SPEED] * points.weight
-    counted = points.counted(rng.normal(size=(80, 3)))
-    assert np.abs(signed @ counted).max() < 1e-9 < np.abs(counted).max()
+    counted = points.counted(rng.normal(size=(2, 3, 80)))
+    assert np.abs(counted @ signed).max() < 1e-9 < np.abs(counted).max()
     np.testing.assert_allclose(points.counted(signed), 0.0, atol=1e-9)
     largest = np.abs(points.torque).max()
     np.testing.assert_allclose(1 / points.weight**2, std.ravel() ** 2 + (0.05 * largest) ** 2)
@@ -127,10 +128,30 @@ def test_what_is_proportional_to_velocity_does_not_count() -> None:
 def test_forms_that_the_range_can_show(kind: str, inside: list[tuple], outside: list[tuple]) -> None:
     """Of a range of 4: a bump within it, at most half as wide; e-folds and turns that can be seen."""
     family = FAMILIES[kind]
-    assert all(family.possible(np.array(inner), 0.0, 4.0) for inner in inside)
-    assert not any(family.possible(np.array(inner), 0.0, 4.0) for inner in outside)
-    for inner in zip(*(values[[0, -1]] for values in family.grid(0.0, 4.0)), strict=True):
-        assert family.possible(np.array(inner), 0.0, 4.0)
+    there = np.array(inside).T
+    np.testing.assert_array_equal(family.possible(there, 0.0, 4.0), there)
+    nearest = family.possible(np.array(outside).T, 0.0, 4.0)
+    assert np.all(np.any(nearest != np.array(outside).T, axis=0))
+    np.testing.assert_array_equal(family.possible(nearest, 0.0, 4.0), nearest)
+    ends = np.array([values[[0, -1]] for values in family.grid(0.0, 4.0)])
+    np.testing.assert_array_equal(family.possible(ends, 0.0, 4.0), ends)
+
+
+def test_a_bump_and_a_constant_are_fitted_as_by_least_squares() -> None:
+    """Where the best width is possible, no neighbour explains more (SciPy's Nelder–Mead finds the same)."""
+    rng = np.random.default_rng(2)
+    torque = 1.5 + LAWS["bump"](X, SIZES["bump"]) + 0.3 * rng.normal(size=len(X))
+    points = curve_points("position", X.tolist(), [torque], [np.full(len(X), 0.3)])
+    values, explained = FAMILIES["bump"].fit(points, (1.0, 1.0), True)
+
+    def unexplained(inner: np.ndarray) -> float:
+        columns = np.stack((np.exp(-(((X - inner[0]) / inner[1]) ** 2)), np.ones(len(X))), axis=1)
+        left = np.linalg.lstsq(columns, torque, rcond=None)[1]
+        return float(left[0] / np.sum(torque**2))
+
+    best = minimize(unexplained, [0.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12})
+    assert 1 - explained == pytest.approx(best.fun, rel=1e-6)
+    np.testing.assert_allclose([values["centre"], values["width"]], best.x, atol=1e-4)
 
 
 def test_a_form_is_named_from_eight_points_on_and_never_beyond_doubt() -> None:
@@ -145,7 +166,7 @@ def test_a_form_is_named_from_eight_points_on_and_never_beyond_doubt() -> None:
     for share in (0.78, 0.82):  # of the square of a constant with noise
         rows = [2.0 + 2.0 * np.sqrt(1 / share - 1) * noise]
         points = curve_points("position", X.tolist(), rows, [np.full(len(X), 1.0)])
-        values, explained = FAMILIES["constant"].fit(points, (1.0, 1.0), False) or ({}, 0.0)
+        values, explained = FAMILIES["constant"].fit(points, (1.0, 1.0), False)
         assert explained == pytest.approx(share) and values["size"] == pytest.approx(2.0)
         assert (form_of(points, "position", "rad") is not None) == (share > 0.8)
 

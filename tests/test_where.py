@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from flexviz.diagnosis.cross_validation import explained, make_folds, mean_and_error
+from flexviz.diagnosis.curves import Splines
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.records import FREE_CURVE_NOTE, UNITS
@@ -342,3 +344,16 @@ def test_practice(case):
     assert (first.joint, first.variable) == (truth["joint"], "position")
     reach = 2 * truth["parameters"]["width"]
     assert abs(np.mean(first.range) - truth["parameters"]["position"]) < reach
+
+
+@pytest.mark.parametrize("degree", [1, 3])
+def test_splines_are_those_of_scipy(degree: int) -> None:
+    inner = np.sort(np.random.default_rng(degree).uniform(-1.0, 2.0, 9))
+    knots = np.r_[np.full(degree, inner[0]), inner, np.full(degree, inner[-1])]
+    values = np.r_[np.linspace(-1.5, 2.5, 300), inner]
+    design = Splines(knots, degree).design(values, np.ones(len(values)))
+    inside = np.clip(values, inner[0], inner[-1])  # constant beyond
+    expected = BSpline.design_matrix(inside, knots, degree).toarray()
+    np.testing.assert_allclose(design, expected, atol=1e-14)
+    sided = Splines(knots, degree, 2).design(values, np.where(values > 0, 1.0, -1.0))
+    np.testing.assert_allclose(sided[values > 0], np.hstack((expected, 0 * expected))[values > 0], atol=1e-14)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction
 from flexviz.diagnosis.records import DIRECTED
 from flexviz.diagnosis.residuals import SLOW, SlowResidual
@@ -59,11 +58,7 @@ class Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """Design matrix at M instants, shape (M, size)."""
         inside = np.clip(value, *self.range)
-        if self.degree == 1:
-            one = _hats(inside, self.knots[1:-1])
-        else:
-            design = sp.interpolate.BSpline.design_matrix(inside, self.knots, self.degree)
-            one = np.array(design.toarray(), dtype=float)
+        one = _design(inside, self.knots, self.degree)
         if self.sides == 1:
             return one
         forward = 0.5 * (1 + np.tanh(velocity / REVERSAL_VELOCITY))[:, None]
@@ -75,12 +70,25 @@ class Splines:
         return np.kron(np.eye(self.sides), difference.T @ difference).astype(np.float64)
 
 
-def _hats(value: Array, nodes: Array) -> Array:
-    """Shares of the two nodes around each value, shape (M, B)."""
-    before = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, len(nodes) - 2)
-    share = (value - nodes[before]) / np.diff(nodes)[before]
-    rows, out = np.arange(len(value)), np.zeros((len(value), len(nodes)))
-    out[rows, before], out[rows, before + 1] = 1 - share, share
+def _design(value: Array, knots: Array, degree: int) -> Array:
+    """B-splines at values within their range, shape (M, B) (Piegl, Tiller: The NURBS Book, algorithm A2.2).
+
+    SciPy's takes half a second to load.
+    """
+    count = len(knots) - degree - 1
+    at = np.clip(np.searchsorted(knots, value, side="right") - 1, degree, count - 1)
+    own = np.zeros((len(value), degree + 1))  # those that are not zero, the last begins at knot `at`
+    own[:, 0] = 1.0
+    for order in range(1, degree + 1):
+        carried = np.zeros(len(value))
+        for i in range(order):
+            before, after = knots[at + 1 - order + i], knots[at + 1 + i]
+            part = own[:, i] / (after - before)
+            own[:, i] = carried + (after - value) * part
+            carried = (value - before) * part
+        own[:, order] = carried
+    out = np.zeros((len(value), count))
+    np.put_along_axis(out, at[:, None] + np.arange(-degree, 1), own, axis=1)
     return out
 
 

@@ -1,7 +1,9 @@
 """Simple laws behind a free curve: constant, line, bump, exponential, sine, each with a rule of direction.
 
 A form is fitted to points of the curve by least squares, weighted by their uncertainty: its size in closed
-form, its place and width from a grid, then refined.
+form, its place and width from a grid, then refined by Gauss–Newton steps of the residual that the best size
+leaves (variable projection; Golub, Pereyra: The differentiation of pseudo-inverses and nonlinear least
+squares problems whose variables separate, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from __future__ import annotations
@@ -12,14 +14,17 @@ from itertools import product
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.effects.terms import Array
 
 MIN_EXPLAINED = 0.8  # of the curve's weighted square; a form that explains less is not named
 PRICE = 0.02  # share that every further parameter has to explain
 ERROR_FLOOR = 0.05  # of the largest torque: uncertainty that all points have at least
 LEAST_TURNS, LEAST_DECAY, MOST_DECAY = 1.0, 1.0, 30.0  # of a sine and an exponential over the range
-REFINED = 3  # best points of the grid that are refined
+LEAST_WIDTH, MOST_WIDTH = 0.01, 0.5  # of a bump, share of the range
+REFINED, STEPS = 3, 30  # best points of the grid that are refined, and by how many steps at most
+LENGTHS = np.array([0.0, 0.05, 0.2, 0.5, 1.0])  # of a step that are tried
+SETTLED = 1e-8  # relative fall of the weighted square that ends the steps
+RANK = 1e-9  # relative size of columns that do not count
 DIRECTIONS: Mapping[str, tuple[float, float]] = {
     "both": (1.0, 1.0),
     "against": (1.0, -1.0),
@@ -49,11 +54,11 @@ class CurvePoints:
     viscous: bool
 
     def counted(self, weighted: Array) -> Array:
-        """Weighted columns (N,) or (N, K) without what viscous friction takes."""
+        """Weighted rows (…, N) without what viscous friction takes."""
         if not self.viscous:
             return weighted
         own = np.where(self.backward, -self.x, self.x) * self.weight
-        return weighted - np.multiply.outer(own, own @ weighted / (own @ own))
+        return weighted - np.multiply.outer(weighted @ own / (own @ own), own)
 
 
 @dataclass(frozen=True)
@@ -127,10 +132,7 @@ def simple_form(points: CurvePoints, variable: str, unit: str) -> CurveForm | No
         for (kind, family), shifted in product(FAMILIES.items(), (False, True)):
             if shifted and kind in ("constant", "line"):
                 continue
-            found = family.fit(points, DIRECTIONS[direction], shifted)
-            if found is None:
-                continue
-            values, explained = found
+            values, explained = family.fit(points, DIRECTIONS[direction], shifted)
             worth = explained - PRICE * (len(values) - 1 + shifted)
             if worth > most:
                 best, most = CurveForm(kind, direction, variable, unit, values, explained), worth
@@ -139,57 +141,93 @@ def simple_form(points: CurvePoints, variable: str, unit: str) -> CurveForm | No
 
 @dataclass(frozen=True)
 class FormFamily:
-    """Curves of one kind.
+    """Curves of one kind, with I nonlinear parameters.
 
     Attributes:
-        basis: x (N,) and the nonlinear parameters → columns (K, N), whose sizes are free.
+        basis: x (N,) and nonlinear parameters (I, G, 1) → rows (K, G, N), whose sizes are free.
         grid: lowest and highest x → values to try of each nonlinear parameter.
-        possible: nonlinear parameters, lowest and highest x → whether they make sense.
-        named: sizes (K,) and nonlinear parameters → the parameters by name.
+        possible: nonlinear parameters (I, G), lowest and highest x → the nearest ones that make sense.
+        named: sizes (K,) and nonlinear parameters (I,) → the parameters by name.
     """
 
     basis: Callable[[Array, Array], Array]
     grid: Callable[[float, float], tuple[Array, ...]]
-    possible: Callable[[Array, float, float], bool]
+    possible: Callable[[Array, float, float], Array]
     named: Callable[[Array, Array], dict[str, float]]
 
     def fit(
         self, points: CurvePoints, factors: tuple[float, float], shifted: bool
-    ) -> tuple[dict[str, float], float] | None:
-        """Parameters and explained share of the best curve of the family, or None.
+    ) -> tuple[dict[str, float], float]:
+        """Parameters and explained share of the best curve of the family.
 
         With `shifted` beside a constant, in each direction of its sign, that other effects may have taken:
         Coulomb friction in the model leaves a curve of position known up to a step.
         """
         low, high = float(points.x.min()), float(points.x.max())
         factor = np.where(points.backward, factors[1], factors[0]) * points.weight
-        constant = np.where(points.backward, -1.0, 1.0)[None] * points.weight
+        constant = np.where(points.backward, -1.0, 1.0) * points.weight
         wanted = points.counted(points.torque * points.weight)
+        grid = np.array(list(product(*self.grid(low, high)))).T
 
-        def project(inner: Array) -> tuple[float, Array]:
-            rows = self.basis(points.x, inner) * factor
-            columns = points.counted(np.vstack((rows, constant)[: 1 + shifted]).T)
-            sizes = np.asarray(np.linalg.lstsq(columns, wanted, rcond=1e-9)[0], float)
-            return float(np.sum((wanted - columns @ sizes) ** 2)), sizes[: len(rows)]
+        def rows(inner: Array) -> Array:  # (G, K, N)
+            own = self.basis(points.x, inner[..., None]) * factor
+            both = (own, np.broadcast_to(constant, (1, *own.shape[1:])))[: 1 + shifted]
+            return points.counted(np.concatenate(both).swapaxes(0, 1))
 
-        def cost(inner: Array) -> float:
-            return project(inner)[0] if self.possible(inner, low, high) else np.inf
+        def left(inner: Array) -> Array:  # (G, N)
+            return _without(wanted, rows(inner))
 
-        starts = sorted((np.array(p) for p in product(*self.grid(low, high))), key=cost)[:REFINED]
-        ends = [self._refined(cost, start) for start in starts if np.isfinite(cost(start))]
-        if not ends:
-            return None
-        end = min(ends, key=cost)
-        left, sizes = project(end)
-        return self.named(sizes, end), 1 - left / float(np.sum(wanted**2))
+        def possible(inner: Array) -> Array:
+            return self.possible(inner, low, high)
 
-    @staticmethod
-    def _refined(cost: Callable[[Array], float], start: Array) -> Array:
-        if not len(start):
-            return start
-        options = {"maxiter": 120, "xatol": 1e-6}
-        found = sp.optimize.minimize(cost, start, method="Nelder-Mead", options=options)
-        return np.asarray(found.x, float)
+        costs = np.sum(left(grid) ** 2, axis=1)
+        first = np.argsort(costs, kind="stable")[:REFINED]
+        ends, costs = grid[:, first], costs[first]
+        if len(grid):
+            ends, costs = _refined(left, possible, ends, 1e-6 * np.ptp(grid, axis=1))
+        best = int(np.argmin(costs))
+        end = ends[:, best]
+        sizes = np.linalg.lstsq(rows(end[:, None])[0].T, wanted, rcond=RANK)[0]
+        return self.named(sizes[: len(sizes) - shifted], end), 1 - float(costs[best]) / float(
+            np.sum(wanted**2)
+        )
+
+
+def _without(wanted: Array, rows: Array) -> Array:
+    """What rows (G, K, N) cannot explain of (N,), shape (G, N), by Gram–Schmidt orthogonalisation."""
+    rest = np.broadcast_to(wanted, (len(rows), len(wanted)))
+    own: list[Array] = []
+    for row in rows.swapaxes(0, 1):
+        least = RANK * np.sum(row**2, axis=1, keepdims=True)
+        for other in own:
+            row = row - np.sum(row * other, axis=1, keepdims=True) * other
+        square = np.sum(row**2, axis=1, keepdims=True)
+        own.append(np.where(square > least, row / np.sqrt(np.maximum(square, 1e-300)), 0.0))
+        rest = rest - np.sum(rest * own[-1], axis=1, keepdims=True) * own[-1]
+    return rest
+
+
+def _refined(
+    left: Callable[[Array], Array], possible: Callable[[Array], Array], inner: Array, small: Array
+) -> tuple[Array, Array]:
+    """Minima from starts (I, G), and their weighted squares (G,); `small` (I,) for differences."""
+    size, count = inner.shape
+    moves = np.concatenate((np.zeros((size, 1)), np.diag(small)), axis=1)
+    before = np.full(count, np.inf)
+    for _ in range(STEPS):
+        around = left((inner[:, None] + moves[..., None]).reshape(size, -1)).reshape(1 + size, count, -1)
+        slopes = (around[1:] - around[0]) / small[:, None, None]
+        normal = np.einsum("ign,jgn->gij", slopes, slopes)
+        normal += 1e-9 * np.einsum("gii->gi", normal)[:, None] * np.eye(size) + 1e-300 * np.eye(size)
+        step = -np.linalg.solve(normal, np.einsum("ign,gn->gi", slopes, around[0])[..., None])[..., 0]
+        trials = possible((inner[..., None] + step.T[..., None] * LENGTHS).reshape(size, -1))
+        squares = np.sum(left(trials) ** 2, axis=1).reshape(count, -1)
+        best = np.argmin(squares, axis=1) + len(LENGTHS) * np.arange(count)
+        inner, after = trials[:, best], squares.ravel()[best]
+        if not np.any(after < (1 - SETTLED) * before):
+            break
+        before = after
+    return inner, after
 
 
 def _wave(sizes: Array, inner: Array) -> dict[str, float]:
@@ -202,19 +240,33 @@ def _orders(low: float, high: float) -> tuple[Array, ...]:
     return (turn * np.arange(LEAST_TURNS, 13.0, 0.25),)
 
 
-def _always(inner: Array, low: float, high: float) -> bool:
-    return True
+def _always(inner: Array, low: float, high: float) -> Array:
+    return inner
+
+
+def _within(inner: Array, low: float, high: float) -> Array:
+    least, most = LEAST_WIDTH * (high - low), MOST_WIDTH * (high - low)
+    return np.stack((np.clip(inner[0], low, high), np.clip(inner[1], least, most)))
+
+
+def _decaying(inner: Array, low: float, high: float) -> Array:
+    least, most = LEAST_DECAY / (high - low), MOST_DECAY / (high - low)
+    return np.copysign(np.clip(np.abs(inner), least, most), inner)
+
+
+def _turning(inner: Array, low: float, high: float) -> Array:
+    return np.maximum(inner, 2 * np.pi * LEAST_TURNS * 0.95 / (high - low))
 
 
 FAMILIES: Mapping[str, FormFamily] = {
     "constant": FormFamily(
-        lambda x, inner: np.ones((1, len(x))),
+        lambda x, inner: np.ones((1, 1, len(x))),
         lambda low, high: (),
         _always,
         lambda s, i: {"size": float(s[0])},
     ),
     "line": FormFamily(
-        lambda x, inner: np.stack((x, np.ones(len(x)))),
+        lambda x, inner: np.stack((x, np.ones(len(x))))[:, None],
         lambda low, high: (),
         _always,
         lambda s, i: {"size": float(s[1]), "slope": float(s[0])},
@@ -222,19 +274,19 @@ FAMILIES: Mapping[str, FormFamily] = {
     "bump": FormFamily(
         lambda x, inner: np.exp(-(((x - inner[0]) / inner[1]) ** 2))[None],
         lambda low, high: (np.linspace(low, high, 25), (high - low) * np.array([0.04, 0.08, 0.16, 0.32])),
-        lambda i, low, high: low <= i[0] <= high and 0.01 < i[1] / (high - low) < 0.5,
+        _within,
         lambda s, i: {"size": float(s[0]), "centre": float(i[0]), "width": float(i[1])},
     ),
     "exponential": FormFamily(
         lambda x, inner: np.exp(inner[0] * x)[None],
         lambda low, high: (np.array([-16.0, -8, -4, -2, -1.2, 1.2, 2, 4, 8, 16]) / (high - low),),
-        lambda i, low, high: LEAST_DECAY < abs(i[0]) * (high - low) < MOST_DECAY,
+        _decaying,
         lambda s, i: {"size": float(s[0]), "rate": float(i[0])},
     ),
     "sine": FormFamily(
         lambda x, inner: np.stack((np.sin(inner[0] * x), np.cos(inner[0] * x))),
         _orders,
-        lambda i, low, high: i[0] * (high - low) >= 2 * np.pi * LEAST_TURNS * 0.95,
+        _turning,
         _wave,
     ),
 }
