@@ -175,8 +175,7 @@ def _shared(
     try:
         running += [_Copy(some) for _ in range(copies)]
         if first is not None:
-            with on_cores(1):
-                first()
+            first()  # may use the cores of copies that have ended
         found = some()
         for copy in running:
             found |= (copy.answer() or ({},))[0]
