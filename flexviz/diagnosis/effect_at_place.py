@@ -18,6 +18,7 @@ from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, removed_share, structured
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
+from flexviz.diagnosis.constancy import explained_by_drift
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.hidden_starts import starts
 from flexviz.diagnosis.refits import best_refits
@@ -35,14 +36,16 @@ LIMITS = THRESHOLDS.search
 def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[SearchStep]:
     """The effect that explains nearly all that a fit leaves, added to it, or two that do; empty if none do.
 
+    A drift of the effect's size may explain the rest, too.
+
     Args:
         search: rounds of the search.
         fit: the present model, from which the effect was not found.
         place: where an arbitrary torque explains everything.
     """
-    needed = THRESHOLDS.unknown_place
+    needed, context = THRESHOLDS.unknown_place, search.context
     try:
-        start = search.context.fit(place.layout, place.x, iterations=0, near=fit)
+        start = context.fit(place.layout, place.x, iterations=0, near=fit)
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return []
     search.say(stages.AT_PLACE.format(place.joint))
@@ -53,9 +56,9 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     if first is None or first.after.objective > fit.objective:
         return []
     first = replace(first, before=fit)
-    if removed_share(start, first.after) >= needed.explained:
+    if removed_share(start, first.after) >= needed.explained or explained_by_drift(context, first.after):
         return [first]
-    gained = Gained.by_effects(first.after, search.context.without_effects(fit))
+    gained = Gained.by_effects(first.after, context.without_effects(fit))
     second = _added(search, first.after, place, gained)
     if second is None or removed_share(start, second.after) < needed.explained:
         return []

@@ -152,10 +152,10 @@ class ForwardSearch:
     def look_at_place_first(self) -> bool:
         """Whether an arbitrary torque at one place explains all that the set's own model lacks.
 
-        The effect that acts there is added, if there is one. On an arm far from the noise, trying all
-        candidates would take most of the time, and what they explain elsewhere would be withdrawn.
+        The effect that acts there is added, if there is one. Far from the noise, trying all candidates would
+        take most of the time, and what they explain elsewhere would be withdrawn.
         """
-        if self.base.layout.n <= THRESHOLDS.unknown_place.joints or excess(self.base) < LIMITS.far_off:
+        if excess(self.base) < LIMITS.far_off:
             return False
         place = self.place_of_base()
         if place is None or not place.complete:
@@ -270,6 +270,7 @@ class ForwardSearch:
                 self.add_effects()
             left = THRESHOLDS.unknown_place.beyond * place.left
             explained = self.complete or (self.apply and excess(self.final) < left)
+            explained = explained or explained_by_drift(self.context, self.final)
         finally:  # also if the user stops it
             if not explained:
                 self.steps = before
