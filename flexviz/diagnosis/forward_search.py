@@ -256,7 +256,8 @@ class ForwardSearch:
     def try_effects_at(self, place: UnknownPlace) -> None:
         """Add an effect of the library that acts at a place, and others beside it, if they explain all.
 
-        Or clearly more than an arbitrary torque at the place, which no imitation does.
+        Or all but a drift of its size, or clearly more than an arbitrary torque at the place, which no
+        imitation does.
         """
         if self.searched_place is place:
             return
@@ -264,13 +265,13 @@ class ForwardSearch:
         steps = effects_at_place(self.search, self.final, place)
         if not steps or (len(steps) > 1 and not self.apply):
             return
-        self.steps, explained = [*before, *steps], False
+        self.steps = [*before, *steps]
+        explained = explained_by_drift(self.context, self.final)
         try:
-            if self.apply:
+            if self.apply and not explained:
                 self.add_effects()
             left = THRESHOLDS.unknown_place.beyond * place.left
-            explained = self.complete or (self.apply and excess(self.final) < left)
-            explained = explained or explained_by_drift(self.context, self.final)
+            explained = explained or self.complete or (self.apply and excess(self.final) < left)
         finally:  # also if the user stops it
             if not explained:
                 self.steps = before
