@@ -347,13 +347,15 @@ def test_practice(case):
 
 
 @pytest.mark.parametrize("degree", [1, 3])
-def test_splines_are_those_of_scipy(degree: int) -> None:
+@pytest.mark.parametrize("same", [0, 2])
+def test_splines_are_those_of_scipy(degree: int, same: int) -> None:
     inner = np.sort(np.random.default_rng(degree).uniform(-1.0, 2.0, 9))
+    inner[9 - same :], inner[3 : 3 + same] = inner[-1], inner[3]  # where many values are the same
     knots = np.r_[np.full(degree, inner[0]), inner, np.full(degree, inner[-1])]
     values = np.r_[np.linspace(-1.5, 2.5, 300), inner]
     design = Splines(knots, degree).design(values, np.ones(len(values)))
-    inside = np.clip(values, inner[0], inner[-1])  # constant beyond
-    expected = BSpline.design_matrix(inside, knots, degree).toarray()
+    inside = np.clip(values, inner[0], np.nextafter(inner[-1], inner[0]))  # constant beyond
+    expected = np.nan_to_num(BSpline.design_matrix(inside, knots, degree).toarray())
     np.testing.assert_allclose(design, expected, atol=1e-14)
     sided = Splines(knots, degree, 2).design(values, np.where(values > 0, 1.0, -1.0))
     np.testing.assert_allclose(sided[values > 0], np.hstack((expected, 0 * expected))[values > 0], atol=1e-14)

@@ -57,7 +57,8 @@ class Splines:
 
     def design(self, value: Array, velocity: Array) -> Array:
         """Design matrix at M instants, shape (M, size)."""
-        inside = np.clip(value, *self.range)
+        low, high = self.range
+        inside = np.clip(value, low, np.nextafter(high, low))  # knots may coincide at the end
         one = _design(inside, self.knots, self.degree)
         if self.sides == 1:
             return one

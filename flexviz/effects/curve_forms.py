@@ -188,9 +188,8 @@ class FormFamily:
         best = int(np.argmin(costs))
         end = ends[:, best]
         sizes = np.linalg.lstsq(rows(end[:, None])[0].T, wanted, rcond=RANK)[0]
-        return self.named(sizes[: len(sizes) - shifted], end), 1 - float(costs[best]) / float(
-            np.sum(wanted**2)
-        )
+        explained = 1 - float(costs[best] / np.sum(wanted**2))
+        return self.named(sizes[: len(sizes) - shifted], end), explained
 
 
 def _without(wanted: Array, rows: Array) -> Array:
@@ -278,7 +277,7 @@ FAMILIES: Mapping[str, FormFamily] = {
         lambda s, i: {"size": float(s[0]), "centre": float(i[0]), "width": float(i[1])},
     ),
     "exponential": FormFamily(
-        lambda x, inner: np.exp(inner[0] * x)[None],
+        lambda x, inner: np.exp(np.minimum(inner[0] * x, 300.0))[None],  # a load may be far from zero
         lambda low, high: (np.array([-16.0, -8, -4, -2, -1.2, 1.2, 2, 4, 8, 16]) / (high - low),),
         _decaying,
         lambda s, i: {"size": float(s[0]), "rate": float(i[0])},
