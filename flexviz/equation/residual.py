@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place in the vector
 
 MAX_STATE_ITERATIONS = 6  # fixed-point iterations: s depends on effects that depend on s
-STATE_TOLERANCE = 1e-5  # change of s, relative to its largest value, that ends the iteration
+STATE_TOLERANCE = 1e-5  # next change of s, relative to its largest value, that is not worth computing
 STATE_CHANGE = 1e-3  # relative change of a parameter after which effects are evaluated again
 
 
@@ -101,14 +101,15 @@ class Equation:
             point = after.seeing(x, q, after.context.s)
         if not self.has_state:
             return point
-        before = point.context.s
+        before, last = point.context.s, np.inf
         for _ in range(MAX_STATE_ITERATIONS):
             s, q = point.motor_side(x)
             point = point.seeing(x, q, s[0])
-            change = np.inf if before is None else np.max(np.abs(s[0] - before))
-            if change < STATE_TOLERANCE * (np.abs(s[0]).max() + 1e-12):
+            change = np.inf if before is None else float(np.max(np.abs(s[0] - before)))
+            rate = min(change / last, 1.0) if np.isfinite(last) else 1.0  # at which the changes fall
+            if rate * change < STATE_TOLERANCE * (np.abs(s[0]).max() + 1e-12):
                 break
-            before = s[0]
+            before, last = s[0], change
         return point
 
     def evaluate(self, x: Array) -> Evaluation:
