@@ -18,8 +18,9 @@ class TridiagonalSystem:
     """Linear equations between neighbouring unknowns, reduced once for many right-hand sides.
 
     Parallel cyclic reduction: every sweep doubles the distance of the unknowns that an equation couples, and
-    squares how strongly it does; those of a spline need six, of whatever length (Hockney, Jesshope: Parallel
-    Computers 2, 1988, section 5.4). For equations whose middle terms prevail: no pivots are sought.
+    squares how strongly it does; those of a spline need five, of whatever length (Hockney, Jesshope: Parallel
+    Computers 2, 1988, section 5.4). For equations whose middle terms prevail: no pivots are sought. SciPy's
+    linear algebra would take a quarter of a second to load.
 
     Args:
         below: shape (N − 1,), factor of the unknown before, from the second equation on.

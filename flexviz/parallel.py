@@ -175,7 +175,8 @@ def _shared(
     try:
         running += [_Copy(some) for _ in range(copies)]
         if first is not None:
-            first()  # may use the cores of copies that have ended
+            with on_cores(1):
+                first()
         found = some()
         for copy in running:
             found |= (copy.answer() or ({},))[0]

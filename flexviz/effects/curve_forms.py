@@ -24,7 +24,7 @@ LEAST_WIDTH, MOST_WIDTH = 0.01, 0.5  # of a bump, share of the range
 REFINED, STEPS = 3, 30  # best points of the grid that are refined, and by how many steps at most
 LENGTHS = np.array([0.0, 0.05, 0.2, 0.5, 1.0])  # of a step that are tried
 SETTLED = 1e-8  # relative fall of the weighted square that ends the steps
-RANK = 1e-9  # relative size of columns that do not count
+RANK = 1e-9  # relative square of what other rows leave of one below which it does not count
 DIRECTIONS: Mapping[str, tuple[float, float]] = {
     "both": (1.0, 1.0),
     "against": (1.0, -1.0),
@@ -187,7 +187,7 @@ class FormFamily:
             ends, costs = _refined(left, possible, ends, 1e-6 * np.ptp(grid, axis=1))
         best = int(np.argmin(costs))
         end = ends[:, best]
-        sizes = np.linalg.lstsq(rows(end[:, None])[0].T, wanted, rcond=RANK)[0]
+        sizes = np.linalg.lstsq(rows(end[:, None])[0].T, wanted, rcond=RANK**0.5)[0]
         explained = 1 - float(costs[best] / np.sum(wanted**2))
         return self.named(sizes[: len(sizes) - shifted], end), explained
 
