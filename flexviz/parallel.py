@@ -29,6 +29,7 @@ MOST_CORES = 4  # more of them wait for one another
 STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
 _PR_SET_PDEATHSIG = 1
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
+_busy: ContextVar[tuple[set[_Copy], ...]] = ContextVar("busy", default=())  # one set, of `Background`s
 _should_stop: ContextVar[StopCallback] = ContextVar("should_stop", default=never)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
@@ -50,9 +51,11 @@ def on_cores(count: int) -> Iterator[None]:
     The process is forked: it must have no other threads that compute.
     """
     token = _allowed.set(max(1, min(count, usable_cores())))
+    busy = _busy.set((set(),))
     try:
         yield
     finally:
+        _busy.reset(busy)
         _allowed.reset(token)
 
 
@@ -86,11 +89,19 @@ class Background(Generic[Result]):
     """A function at work in a copy of the process.
 
     On one core, or without `begin`, it runs when asked for its result.
+
+    Args:
+        function: the work.
+        begin: whether to begin now.
+        spare: let it wait for a core that has nothing else to do.
     """
 
-    def __init__(self, function: Callable[[], Result], begin: bool = True) -> None:
+    def __init__(self, function: Callable[[], Result], begin: bool = True, spare: bool = False) -> None:
         self._function = function
-        self._copy = _Copy(function) if begin and _allowed.get() > 1 else None
+        self._copy = _Copy(function, spare) if begin and _allowed.get() > 1 else None
+        if self._copy is not None and not spare:
+            for busy in _busy.get():
+                busy.add(self._copy)
 
     @property
     def ready(self) -> bool:
@@ -138,7 +149,7 @@ class Foreseen(Generic[Key, Result]):
 
 
 def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """`[function(item) for item in items]`, by several cores where they are allowed."""
+    """`[function(item) for item in items]`, by several cores where they are allowed and free."""
     return _shared(None, function, list(items))
 
 
@@ -151,11 +162,19 @@ def alongside(
     return done[0], found
 
 
+def _free_cores() -> int:
+    """Allowed cores on which no `Background` is at work."""
+    for busy in _busy.get():
+        busy -= {copy for copy in busy if copy.ready}
+        return max(1, _allowed.get() - len(busy))
+    return _allowed.get()
+
+
 def _shared(
     first: Callable[[], None] | None, function: Callable[[Item], Result], work: list[Item]
 ) -> list[Result]:
     """The shared work on a list, after what is `first` in this process."""
-    copies = min(_allowed.get(), len(work) + (first is not None)) - 1
+    copies = min(_free_cores(), len(work) + (first is not None)) - 1
     if copies < 1:
         if first is not None:
             first()
@@ -190,7 +209,7 @@ def _shared(
 class _Copy:
     """A copy of this process that calls a function and sends its result."""
 
-    def __init__(self, function: Callable[[], Any]) -> None:
+    def __init__(self, function: Callable[[], Any], spare: bool = False) -> None:
         should_stop, parent = _should_stop.get(), os.getpid()
         # what is done after a stop is not stopped by it
         self._should_stop = never if should_stop() else should_stop
@@ -206,6 +225,8 @@ class _Copy:
                 _end_with(parent)
                 signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the result stops this copy
                 _allowed.set(1)
+                if spare:
+                    os.nice(19)
                 theirs.send((function(),))
             os._exit(0)  # nothing of the process that was copied is tidied up
         theirs.close()

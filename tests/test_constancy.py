@@ -15,7 +15,7 @@ from flexviz.diagnosis.constancy import ChangingSize, changing_size
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.own_start import OwnStart
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
-from flexviz.equation import Layout
+from flexviz.equation import Layout, layout_of
 from flexviz.estimation import Covariance
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet
@@ -220,16 +220,19 @@ def test_nothing_more_is_scored_where_nothing_can_be_gained(demo: MeasurementSet
 def test_the_start_is_given_or_found(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:
     model = diagnosed_demo.model
     assert model is not None
-    assert OwnStart(demo, lambda: model, None).model() is model
+    assert OwnStart(demo, lambda: model, None).model() == (model, 0)
     other = OwnStart(demo, None, None)
     other.use(model)
-    assert other.model() is model
-    nothing = OwnStart(demo, lambda: None, never)
-    plain = nothing.model()
-    assert plain.stiffness == pytest.approx(identify(demo).model.stiffness) and plain is not model
+    assert other.model() == (model, 0)
+    found, steps = OwnStart(demo, lambda: None, never).model()
+    layout, plain = layout_of(demo), identify(demo).model
+    fit = FitContext(demo, layout).fit(layout, layout.vector(plain), iterations=steps)
+    assert steps > 0 and found.stiffness == pytest.approx(layout.model(fit.x).stiffness)
     begun = OwnStart(demo, None, never)
-    assert begun.model().stiffness == pytest.approx(plain.stiffness)
+    assert begun.model()[0].stiffness == pytest.approx(found.stiffness)
     begun.close()
+    stopped, steps = OwnStart(demo, None, lambda: True).model()
+    assert steps == 0 and stopped.stiffness != pytest.approx(found.stiffness)
 
 
 def test_a_model_without_effects_leaves_hardly_more_than_noise(demo: MeasurementSet) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,9 +38,11 @@ class ReadMeanwhile:
     """
 
     def __init__(self, path: Path) -> None:
-        from flexviz.parallel import Background
+        with loading():  # what both need is loaded before there are two of it
+            from flexviz.measurements import read_set
+            from flexviz.parallel import Background
 
-        self._reading = Background(partial(_read, path))
+        self._reading = Background(partial(_read, read_set, path))
         self._checking: Background[list[str]] | None = None
 
     def result(self) -> MeasurementSet:
@@ -50,7 +52,7 @@ class ReadMeanwhile:
         found = self._reading.result()
         if isinstance(found, FlexvizError):
             raise found
-        self._checking = Background(partial(_contradictions, found))
+        self._checking = Background(partial(_contradictions, found), spare=True)
         return found
 
     def warn(self, wait: bool = False) -> None:
@@ -62,11 +64,8 @@ class ReadMeanwhile:
                 log.warning("%s", text)
 
 
-def _read(path: Path) -> MeasurementSet | FlexvizError:
+def _read(read_set: Callable[[Path], MeasurementSet], path: Path) -> MeasurementSet | FlexvizError:
     """The set, or why it cannot be used: a copy of the process that raises would send nothing."""
-    with loading():
-        from flexviz.measurements import read_set
-
     try:
         return read_set(path)
     except FlexvizError as error:

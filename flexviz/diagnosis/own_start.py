@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.parallel import Background
 from flexviz.progress import StopCallback
 
+LIMITS = THRESHOLDS.search
+
 GivenStart = FlexibleModel | Callable[[], FlexibleModel | None] | None
 
 
 class OwnStart:
-    """A given model, or else that of a plain identification, which begins at once beside the search.
+    """A given model, or else a fit of the set's own model, which begins at once beside the search.
 
     Args:
         measurements: the set.
-        given: a model, or a function that finds one when needed; None: plain identification.
+        given: a model, or a function that finds one when needed; None: a plain identification, and a few
+            steps in units of the noise from there.
         should_stop: called between its fits.
     """
 
@@ -26,20 +32,28 @@ class OwnStart:
         self, measurements: MeasurementSet, given: GivenStart, should_stop: StopCallback | None
     ) -> None:
         self._given = given
-        self._plain = Background(
-            lambda: identify(measurements, should_stop=should_stop).model, begin=given is None
-        )
+        self._own = Background(lambda: _fitted(measurements, should_stop), begin=given is None)
 
     def use(self, model: FlexibleModel) -> None:
         """Start from this model."""
         self.close()
         self._given = model
 
-    def model(self) -> FlexibleModel:
-        """The start values."""
+    def model(self) -> tuple[FlexibleModel, int]:
+        """The start values, and how many steps in units of the noise led there."""
         found = self._given() if callable(self._given) else self._given
-        return found if found is not None else self._plain.result()
+        return (found, 0) if found is not None else self._own.result()
 
     def close(self) -> None:
-        """End the plain identification."""
-        self._plain.close()
+        """End the fit."""
+        self._own.close()
+
+
+def _fitted(measurements: MeasurementSet, should_stop: StopCallback | None) -> tuple[FlexibleModel, int]:
+    """The set's own model, and how many steps in units of the noise led there."""
+    plain = identify(measurements, should_stop=should_stop).model
+    if should_stop is not None and should_stop():
+        return plain, 0
+    layout, steps = layout_of(measurements), LIMITS.short_refit
+    context = FitContext(measurements, layout)
+    return layout.model(context.fit(layout, layout.vector(plain), iterations=steps).x), steps

@@ -199,8 +199,8 @@ class _Pipeline:
     def prepared(self, iterations: int = LIMITS.first_iterations) -> ForwardSearch:
         """A search forwards from the set's own model, fitted in units of the noise."""
         context = FitContext(self.measurements, self.layout)
-        x = self.layout.vector(self.start.model())
-        base = context.fit(self.layout, x, iterations=iterations)
+        model, steps = self.start.model()
+        base = context.fit(self.layout, self.layout.vector(model), iterations=max(iterations - steps, 0))
         search = ForwardSearch(context, base, self.say, self.standing.fitted, self.refit.begin, self.apply)
         self.beside.callback(search.search.restart.foreseen.close)
         return search

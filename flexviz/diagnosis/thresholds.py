@@ -4,6 +4,8 @@ Unless noted otherwise, the values were set on development cases and are support
 cases, `python -m benchmarks.diagnosis_study all --work DIR` (docs/diagnosis-study.md): a change has to keep
 its rates of correct findings and false alarms. A gain is a decrease of the objective
 Σ_j N log max(χ_j, 1) + k log N. The excess of a fit is its mean χ² per sample above the noise.
+
+The classes have no methods: to make those of so many fields would take a fiftieth of a second of every start.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class AcceptanceThresholds:
     """Acceptance of effects and the verdict on the final model."""
 
@@ -56,7 +58,7 @@ class AcceptanceThresholds:
     changing_lead: float = 2.0  # gain relative to that of the best candidate, which may be a drift, too
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class SearchThresholds:
     """Selection of candidates for refitting, their start values and iterations."""
 
@@ -95,7 +97,7 @@ class SearchThresholds:
     last_refit: int = 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class ModelErrorThresholds:
     """Search with a white model error, if no model reaches the noise.
 
@@ -120,7 +122,7 @@ class ModelErrorThresholds:
     start_iterations: int = 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class UnknownPlaceThresholds:
     """Fits beside an arbitrary torque, which find the place of a law of no library.
 
@@ -159,7 +161,7 @@ class UnknownPlaceThresholds:
     told_share_roughly: float = 0.2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class VibrationThresholds:
     """A torque that is a sine of time while the motion is not."""
 
@@ -170,7 +172,7 @@ class VibrationThresholds:
     subharmonics: tuple[int, ...] = (1, 2, 3)  # ... at the frequency, or at one of which it is a harmonic
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class MotionThresholds:
     """Fits in the band of the motion, where the model errs more than the sensors, and their selection."""
 
@@ -262,7 +264,7 @@ class MotionThresholds:
     idle_rounds: int = 1  # without a find after which one more ends the search
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class EvidenceThresholds:
     """Reporting of findings."""
 
@@ -287,7 +289,7 @@ class EvidenceThresholds:
     other_minimum: float = 10.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class BandwidthThresholds:
     """Significant changes with the observer's bandwidth; tested on known cases in `tests/test_guard.py`."""
 
@@ -296,7 +298,7 @@ class BandwidthThresholds:
     change_share: float = 0.1  # ... and relative to the residual
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class Thresholds:
     """All decision thresholds of the diagnosis."""
 

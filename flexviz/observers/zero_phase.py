@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.fourier import quick_length
-from flexviz.observers.base import Observer, largest_divisor
+from flexviz.observers.base import Observer
 
 Array = NDArray[np.float64]
 
@@ -21,24 +21,26 @@ NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the ban
 
 
 class _Continued:
-    """A record continued by reflection about its trend, on a grid that may be decimated.
+    """A record continued by reflection about its trend, of which every `stride`-th sample is wanted.
 
     Stored as (m, N): transforms and means along contiguous rows are faster.
 
     Attributes:
         slope: shape (m,), derivative of the trend, which is a line for odd reflection, the mean for even.
-        length: samples of the decimated grid.
+        span: length of the continued record [s].
+        half: frequencies up to the Nyquist rate of the wanted samples.
     """
 
-    def __init__(self, y: Array, step: float, margin: float, decimation: int, odd: bool) -> None:
+    def __init__(self, y: Array, step: float, margin: float, stride: int, odd: bool) -> None:
         self._count, columns = y.shape
         count, rows = self._count, y.T
-        # the continuation is a multiple of the decimation so that the decimated grid meets the samples
-        wanted = int(np.ceil(margin / step / decimation)) * decimation
-        pad = min(wanted, (count - 1) // decimation * decimation)
-        self._step, self._decimation, self._pad = step, decimation, pad
-        self.length = quick_length(-(-(count + 2 * pad) // decimation))
-        self._values = np.zeros((columns, self.length * decimation))
+        # the continuation is a multiple of the stride so that the samples are among those of the whole
+        wanted = int(np.ceil(margin / step / stride)) * stride
+        pad = min(wanted, (count - 1) // stride * stride)
+        self._step, self._stride, self._pad = step, stride, pad
+        self.half = quick_length(-(-(count + 2 * pad) // (2 * stride)))
+        self._values = np.zeros((columns, 2 * self.half * stride))
+        self.span = self._values.shape[1] * step
         body = self._values[:, pad : pad + count]
         if odd:
             self.slope = (y[-1] - y[0]) / max((count - 1) * step, step)
@@ -56,17 +58,29 @@ class _Continued:
         """What is subtracted before the reflection, at every stride-th sample, shape (N', m)."""
         return self._first + self.slope * (self._step * np.arange(0, self._count, stride))[:, None]
 
-    def spectrum(self) -> tuple[float, NDArray[np.complex128]]:
-        """Length in time [s], and the transform up to the decimated Nyquist rate, shape (m, F)."""
-        kept = self.length // 2 + 1
-        return self._values.shape[1] * self._step, np.fft.rfft(self._values)[:, :kept]
+    def spectrum(self, band: float | None) -> NDArray[np.complex128]:
+        """Transform up to the first multiple of the wanted samples' Nyquist rate above a band [rad/s].
 
-    def samples(self, spectrum: NDArray[np.complex128], stride: int) -> Array:
-        """Every stride-th sample of the record itself, shape (N', m), from a spectrum like `spectrum`'s."""
-        first, outer = self._pad // self._decimation, stride // self._decimation
-        count = -(-self._count // stride)
-        picked = slice(first, first + (count - 1) * outer + 1, outer)
-        return np.fft.irfft(spectrum, self.length)[:, picked].T
+        Shape (m, F); None: all of it.
+        """
+        within = self._stride
+        if band is not None:
+            within = min(within, max(1, int(np.ceil(band * self.span / (2 * np.pi * self.half) - 1e-9))))
+        return np.fft.rfft(self._values)[:, : within * self.half + 1]
+
+    def samples(self, spectrum: NDArray[np.complex128], order: int) -> Array:
+        """The wanted samples of the record's derivative, shape (N', m), from a spectrum without i^order.
+
+        Their transform is the sum of the parts that they fold onto each other: exactly the samples that a
+        transform back of the whole spectrum contains, at the cost of those that are wanted.
+        """
+        half = self.half
+        folded = spectrum[:, : half + 1] * (1j**order / self._stride)
+        for k, start in enumerate(range(half, spectrum.shape[1] - 1, half)):
+            part = spectrum[:, start : start + half + 1] * (1j**order / self._stride)
+            folded += part if k % 2 else np.conj(part[:, ::-1])
+        first, count = self._pad // self._stride, -(-self._count // self._stride)
+        return np.fft.irfft(folded, 2 * half)[:, first : first + count].T
 
 
 class ZeroPhaseObserver(Observer):
@@ -92,30 +106,22 @@ class ZeroPhaseObserver(Observer):
         self, y: Array, step: float, count: int, *,
         position: bool = False, delay: float = 0.0, stride: int = 1,
     ) -> Array:  # fmt: skip
-        # samples are taken from a grid fine enough for the pass band: truncating a spectrum that is amplified
-        # by powers of ω would cause ringing over the whole segment
-        inner, band = 1, self.cutoff(count - 1)
-        if band is not None:
-            inner = largest_divisor(stride, np.pi / (band * step))
-        continued = _Continued(y, step, 3 * self.memory(), inner, odd=position)
-        span, filtered = continued.spectrum()
-        grid = filtered.shape[1], span
+        continued = _Continued(y, step, 3 * self.memory(), stride, odd=position)
+        filtered = continued.spectrum(self.cutoff(count - 1))
+        grid = filtered.shape[1], continued.span
         if self._bandwidth.size == 1:
             filtered *= _common_gain(self, *grid)
         else:
             filtered *= self.gain(_frequencies(*grid), self.bandwidth_of(y.shape[1])).T
-        if inner > 1:
-            filtered *= 1 / inner
-        differentiation = 1j * _frequencies(*grid)
+        omega = _frequencies(*grid)
         if delay:
-            filtered *= np.exp(-delay * differentiation)
-        if continued.length % 2 == 0:
-            filtered[:, -1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
+            filtered *= np.exp(-1j * delay * omega)
+        filtered[:, -1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
         out = np.empty((count, -(-len(y) // stride), y.shape[1]))
         for k in range(count):
             if k:
-                filtered *= differentiation
-            out[k] = continued.samples(filtered, stride)
+                filtered *= omega
+            out[k] = continued.samples(filtered, k)
         out[0] += continued.trend(stride) - continued.slope * delay
         if count > 1:
             out[1] += continued.slope
