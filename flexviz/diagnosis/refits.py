@@ -44,6 +44,10 @@ def best_refits(
         most: excess from which a refit is of no use.
     """
 
+    if len(trials) == 1 and most == np.inf:
+        ((scored, trial),) = trials
+        return [RefittedCandidate(scored, refit(trial))]
+
     def known(trial: Trial) -> _Refit:
         found = refit(trial)
         return _Refit(ModelStart(found.layout, found.x), excess(found), found.objective, found.converged)

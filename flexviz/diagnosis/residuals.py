@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 SLOW_HERTZ = 6.0  # band of the slow residual
 SLOW = FlatZeroPhase(2 * np.pi * SLOW_HERTZ)
+MANY_PULSES = 200  # of a stretch; a process is copied in the time that fewer take
 SLOW_EDGE = 1 / SLOW_HERTZ  # [s] dropped at both ends of a stretch: transient of the low-pass
 
 
@@ -91,7 +92,8 @@ def _of_groups(fit: Fit, data: TwoBandData, point: Point) -> JointResiduals:
 
     each = [(k, j) for k in range(len(blocks)) for j in range(fit.layout.n)]
     white, slow = np.zeros_like(residual), np.zeros_like(residual)
-    settle = shared if any(unknown) else map  # without reversals it takes less than a copy of the process
+    many = max((part.count for parts in unknown for part in parts), default=0) >= MANY_PULSES
+    settle = shared if many else map  # of few, it takes less than a copy of the process
     for (k, j), found in zip(each, settle(settled, each), strict=True):
         residual[blocks[k].rows, j], white[blocks[k].rows, j] = found
     shown = np.zeros(len(residual), bool)

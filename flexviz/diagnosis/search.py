@@ -249,7 +249,8 @@ class Search:
         gains = self.scores(there, {leader.effect, *(s.effect for s in close)}).gains
         all_of_it = gains.get(leader.effect, 0.0)  # missing if none of its guesses is within its bounds there
         near_noise = excess(fit) < LIMITS.hidden_excess
-        out, ruled_out = [], {}
+        limit = leader.fit.objective + LIMITS.rival_deficit * gain
+        trials, ruled_out = [], {}
         for s in close:
             left = all_of_it - gains.get(s.effect, 0.0)
             if near_noise:
@@ -258,14 +259,17 @@ class Search:
             linear = EFFECTS[s.effect.effect].linear and deficit > LIMITS.rival_deficit * gain
             if linear or left > LIMITS.close_alone * all_of_it:
                 ruled_out[s.effect] = leader.fit.objective + deficit
-                continue
-            self.say(f"comparing with: {EFFECTS[s.effect.effect].title}")
-            start = with_effect(fit.layout, common, s.effect, s.values)
-            limit = leader.fit.objective + LIMITS.rival_deficit * gain
+            else:
+                trials.append((s, with_effect(fit.layout, common, s.effect, s.values)))
+
+        def refit(start: ModelStart) -> Fit:
             rival = self.fit_from(start, LIMITS.short_refit, near=leader.fit, beat=limit)
-            if not rival.converged and rival.objective <= limit:
-                rival = self.continued(rival, LIMITS.full_refit, beat=tied)
-            out.append(RefittedCandidate(s, rival))
+            done = rival.converged or rival.objective > limit
+            return rival if done else self.continued(rival, LIMITS.full_refit, beat=tied)
+
+        if names := sorted({EFFECTS[s.effect.effect].title for s, _ in trials}):
+            self.say(f"comparing with: {', '.join(names)}")
+        out = best_refits(trials, refit, partial(self.fit_from, iterations=0, near=leader.fit))
         if excess(leader.fit) > LIMITS.faint_excess or largest_excess(leader.fit) > LIMITS.faint_joint:
             hidden = self.underrated(fit, loudest(leader.fit, 1), None)
             out += self.halving([r for r in hidden if r.effect != leader.effect])
@@ -274,9 +278,8 @@ class Search:
     def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
         """Best refit of each effect; successively fewer leading ones are continued for longer."""
         best: dict[ChosenEffect, RefittedCandidate] = {}
-        for r in refitted:
-            if r.effect not in best or r.fit.objective < best[r.effect].fit.objective:
-                best[r.effect] = r
+        for r in by_objective(refitted):
+            best.setdefault(r.effect, r)
         refitted = list(best.values())
         for keep, iterations in ((3, LIMITS.longer_refit), (2, LIMITS.full_refit)):
             refitted = by_objective(refitted)
