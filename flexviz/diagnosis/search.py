@@ -277,16 +277,15 @@ class Search:
 
     def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
         """Best refit of each effect; successively fewer leading ones are continued for longer."""
-        best: dict[ChosenEffect, RefittedCandidate] = {}
-        for r in by_objective(refitted):
-            best.setdefault(r.effect, r)
-        refitted = list(best.values())
+        best = {r.effect: r for r in reversed(by_objective(refitted))}
+        refitted = by_objective(list(best.values()))
         for keep, iterations in ((3, LIMITS.longer_refit), (2, LIMITS.full_refit)):
-            refitted = by_objective(refitted)
-            for k, r in enumerate(refitted[:keep]):
-                if not r.fit.converged:
-                    refitted[k] = replace(r, fit=self.continued(r.fit, iterations))
-        return by_objective(refitted)
+            trials = [(r.scored, r.fit) for r in refitted[:keep] if not r.fit.converged]
+            rest = [r for k, r in enumerate(refitted) if k >= keep or r.fit.converged]
+            go_on = partial(self.continued, iterations=iterations)
+            evaluate = partial(self.fit_from, iterations=0, near=refitted[0].fit if refitted else None)
+            refitted = by_objective([*rest, *best_refits(trials, go_on, evaluate)])
+        return refitted
 
     # -- decisions
 
