@@ -28,8 +28,10 @@ LIMITS = THRESHOLDS.motion
     ("seed", "name"),
     [
         (79, "pair-2r-032-motor_coupling+stribeck_friction"),  # both at one place
-        (79, "pair-2r-015-stribeck_friction+quadratic_friction"),  # ends at 17 times the noise backwards
-        (107, "pair-2r-002-backlash+quadratic_friction"),  # on both sides of one joint, with known friction
+        # ends at 17 times the noise backwards
+        pytest.param(79, "pair-2r-015-stribeck_friction+quadratic_friction", marks=pytest.mark.study),
+        # on both sides of one joint, with known friction
+        pytest.param(107, "pair-2r-002-backlash+quadratic_friction", marks=pytest.mark.study),
         (107, "pair-2r-010-cable_spring+friction_drift"),  # a torque ripple fits better than the spring alone
     ],
 )
