@@ -29,7 +29,7 @@ MOST_CORES = 4  # more of them wait for one another
 STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
 _PR_SET_PDEATHSIG = 1
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
-_busy: ContextVar[tuple[set[_Copy], ...]] = ContextVar("busy", default=())  # one set, of `Background`s
+_busy: ContextVar[set[_Copy] | None] = ContextVar("busy", default=None)  # of each `Background`
 _should_stop: ContextVar[StopCallback] = ContextVar("should_stop", default=never)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
@@ -51,7 +51,7 @@ def on_cores(count: int) -> Iterator[None]:
     The process is forked: it must have no other threads that compute.
     """
     token = _allowed.set(max(1, min(count, usable_cores())))
-    busy = _busy.set((set(),))
+    busy = _busy.set(set())
     try:
         yield
     finally:
@@ -99,9 +99,9 @@ class Background(Generic[Result]):
     def __init__(self, function: Callable[[], Result], begin: bool = True, spare: bool = False) -> None:
         self._function = function
         self._copy = _Copy(function, spare) if begin and _allowed.get() > 1 else None
-        if self._copy is not None and not spare:
-            for busy in _busy.get():
-                busy.add(self._copy)
+        busy = _busy.get()
+        if self._copy is not None and busy is not None and not spare:
+            busy.add(self._copy)
 
     @property
     def ready(self) -> bool:
@@ -164,10 +164,9 @@ def alongside(
 
 def _free_cores() -> int:
     """Allowed cores on which no `Background` is at work."""
-    for busy in _busy.get():
-        busy -= {copy for copy in busy if copy.ready}
-        return max(1, _allowed.get() - len(busy))
-    return _allowed.get()
+    busy = _busy.get() or set()
+    busy -= {copy for copy in busy if copy.ready}
+    return max(1, _allowed.get() - len(busy))
 
 
 def _shared(

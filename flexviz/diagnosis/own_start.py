@@ -25,7 +25,7 @@ class OwnStart:
         measurements: the set.
         given: a model, or a function that finds one when needed; None: a plain identification, and a few
             steps in units of the noise from there.
-        should_stop: called between its fits.
+        should_stop: called between its steps.
     """
 
     def __init__(
@@ -49,11 +49,23 @@ class OwnStart:
         self._own.close()
 
 
+class _Stopped(Exception):
+    """Raised between steps when the user stops the fit."""
+
+
 def _fitted(measurements: MeasurementSet, should_stop: StopCallback | None) -> tuple[FlexibleModel, int]:
     """The set's own model, and how many steps in units of the noise led there."""
+
+    def check() -> None:
+        if should_stop is not None and should_stop():
+            raise _Stopped
+
     plain = identify(measurements, should_stop=should_stop).model
-    if should_stop is not None and should_stop():
-        return plain, 0
     layout, steps = layout_of(measurements), LIMITS.short_refit
-    context = FitContext(measurements, layout)
-    return layout.model(context.fit(layout, layout.vector(plain), iterations=steps).x), steps
+    try:
+        check()
+        context = FitContext(measurements, layout)
+        x = context.fit(layout, layout.vector(plain), iterations=steps, check=check).x
+    except _Stopped:
+        return plain, 0
+    return layout.model(x), steps

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 
 SLOW_HERTZ = 6.0  # band of the slow residual
 SLOW = FlatZeroPhase(2 * np.pi * SLOW_HERTZ)
-MANY_PULSES = 200  # of a stretch; a process is copied in the time that fewer take
 SLOW_EDGE = 1 / SLOW_HERTZ  # [s] dropped at both ends of a stretch: transient of the low-pass
+MANY_PULSES = 200  # of a stretch; a process is copied in the time that fewer take
 
 
 @dataclass(frozen=True)
