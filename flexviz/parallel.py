@@ -29,7 +29,7 @@ MOST_CORES = 4  # more of them wait for one another
 STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
 _PR_SET_PDEATHSIG = 1
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
-_busy: ContextVar[set[_Copy] | None] = ContextVar("busy", default=None)  # of each `Background`
+_busy: ContextVar[set[_Copy] | None] = ContextVar("busy", default=None)  # by `Background`s
 _should_stop: ContextVar[StopCallback] = ContextVar("should_stop", default=never)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 

@@ -244,9 +244,8 @@ def test_existing_objects_are_kept_from_the_garbage_collector_for_a_while() -> N
     with pytest.raises(ZeroDivisionError), existing_objects_kept():
         kept, new = gc.get_freeze_count(), [[k] for k in range(1000)]
         with existing_objects_kept():
-            assert (
-                0 < gc.get_freeze_count() <= kept
-            )  # those of whoever froze them; another thread may free some
+            # those of whoever froze them, of which another thread may free some, and no new ones
+            assert 0 < gc.get_freeze_count() <= kept
         assert 0 < gc.get_freeze_count() <= kept and len(new) == 1000
         _ = 1 / 0
     assert gc.get_freeze_count() == 0

@@ -51,5 +51,7 @@ def test_the_best_refit_of_each_effect_is_evaluated_in_this_process(demo: Measur
         found = best_refits(trials, refit, evaluate)
         assert [r.effect for r in found] == [spring, offset] and evaluated == [2.0, 4.0]
         assert all(r.fit.converged for r in found)
+        (alone,) = best_refits(trials[:1], refit, evaluate)
+        assert alone.fit.objective == 30.0 and evaluated == [2.0, 4.0]  # it was made in this process
         found = best_refits(trials, refit, evaluate, most=5.0)
     assert [r.effect for r in found] == [spring]

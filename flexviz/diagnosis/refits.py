@@ -44,7 +44,7 @@ def best_refits(
         most: excess from which a refit is of no use.
     """
 
-    if len(trials) == 1 and most == np.inf:
+    if len(trials) == 1 and most == np.inf:  # nothing is shared: it need not be evaluated again
         ((scored, trial),) = trials
         return [RefittedCandidate(scored, refit(trial))]
 

@@ -5,7 +5,7 @@ cases, `python -m benchmarks.diagnosis_study all --work DIR` (docs/diagnosis-stu
 its rates of correct findings and false alarms. A gain is a decrease of the objective
 Σ_j N log max(χ_j, 1) + k log N. The excess of a fit is its mean χ² per sample above the noise.
 
-The classes have no methods: to make those of so many fields would take a fiftieth of a second of every start.
+The classes have no generated methods: to make those of so many fields takes a hundredth of a second.
 """
 
 from __future__ import annotations

@@ -74,10 +74,10 @@ class _Continued:
         Their transform is the sum of the parts that they fold onto each other: exactly the samples that a
         transform back of the whole spectrum contains, at the cost of those that are wanted.
         """
-        half = self.half
-        folded = spectrum[:, : half + 1] * (1j**order / self._stride)
+        half, factor = self.half, 1j**order / self._stride
+        folded = spectrum[:, : half + 1] * factor
         for k, start in enumerate(range(half, spectrum.shape[1] - 1, half)):
-            part = spectrum[:, start : start + half + 1] * (1j**order / self._stride)
+            part = spectrum[:, start : start + half + 1] * factor
             folded += part if k % 2 else np.conj(part[:, ::-1])
         first, count = self._pad // self._stride, -(-self._count // self._stride)
         return np.fft.irfft(folded, 2 * half)[:, first : first + count].T
