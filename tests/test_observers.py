@@ -113,6 +113,16 @@ def test_zero_phase_derivatives_of_slow_motion(name):
     assert observer.lag(step) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("position", [False, True])
+def test_every_second_derivative_is_one_of_all(position):
+    observer = FlatZeroPhase(40.0)
+    y = np.random.default_rng(3).normal(size=(900, 2)).cumsum(axis=0)
+    of_all = observer.derivatives(y, 2e-3, 5, position=position, stride=3)[::2]
+    found = observer.derivatives(y, 2e-3, 5, position=position, stride=3, every=2)
+    for order, expected in zip(found, of_all, strict=True):
+        np.testing.assert_allclose(order, expected, atol=1e-12 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("stride", [2, 7, 25, 40])
 @pytest.mark.parametrize("name", NAMES)
 def test_stride_picks_the_same_samples(name, stride):

@@ -177,7 +177,7 @@ def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splin
         between = CubicInterpolation(np.arange(float(count)), fine)
         design = splines.design(between.read(values[rows])[0], between.read(velocity[rows])[0])
         step = float(data.step[rows.start]) / OVERSAMPLING
-        out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING)[::2]
+        out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING, every=2)
     out[:, ~data.shown] = 0.0
     return CurveResponse(*out)
 

@@ -104,8 +104,9 @@ class ZeroPhaseObserver(Observer):
 
     def derivatives(
         self, y: Array, step: float, count: int, *,
-        position: bool = False, delay: float = 0.0, stride: int = 1,
+        position: bool = False, delay: float = 0.0, stride: int = 1, every: int = 1,
     ) -> Array:  # fmt: skip
+        """As of any observer; of its `count` derivatives every `every`-th, the first being the signal."""
         continued = _Continued(y, step, 3 * self.memory(), stride, odd=position)
         filtered = continued.spectrum(self.cutoff(count - 1))
         grid = filtered.shape[1], continued.span
@@ -117,13 +118,14 @@ class ZeroPhaseObserver(Observer):
         if delay:
             filtered *= np.exp(-1j * delay * omega)
         filtered[:, -1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
-        out = np.empty((count, -(-len(y) // stride), y.shape[1]))
-        for k in range(count):
-            if k:
-                filtered *= omega
-            out[k] = continued.samples(filtered, k)
+        orders = range(0, count, every)
+        out = np.empty((len(orders), -(-len(y) // stride), y.shape[1]))
+        for k, order in enumerate(orders):
+            if order:
+                filtered *= omega**every
+            out[k] = continued.samples(filtered, order)
         out[0] += continued.trend(stride) - continued.slope * delay
-        if count > 1:
+        if count > 1 and every == 1:
             out[1] += continued.slope
         return out
 
