@@ -118,11 +118,11 @@ class ZeroPhaseObserver(Observer):
         if delay:
             filtered *= np.exp(-1j * delay * omega)
         filtered[:, -1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
-        orders = range(0, count, every)
+        orders, factor = range(0, count, every), omega**every
         out = np.empty((len(orders), -(-len(y) // stride), y.shape[1]))
         for k, order in enumerate(orders):
             if order:
-                filtered *= omega**every
+                filtered *= factor
             out[k] = continued.samples(filtered, order)
         out[0] += continued.trend(stride) - continued.slope * delay
         if count > 1 and every == 1:
