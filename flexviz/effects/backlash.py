@@ -37,6 +37,7 @@ class Backlash(LawEffect):
     parameters = (ParameterSpec("half_width", "rad", 0.0, 0.2, "half the play", "b"),)
     state = True
     linear = True
+    abrupt = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         flank = _flank(motion.time, _load(motion))

@@ -1,4 +1,9 @@
-"""Two-band data: residual from a wide filter, instruments from a narrow one, and their noise."""
+"""Two-band data: residual from a wide filter, instruments from a narrow one, and their noise.
+
+Where an effect jumps in position, as backlash does, the narrow band hardly distinguishes it from compliance, and
+Zᵀ W r = b has a second root without the effect, to which most steps lead. The instruments of such an effect
+and of its joint's compliance and link viscous friction, whose columns jump, too, come from the wide band.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import EFFECTS
 from flexviz.equation import (
     Equation,
     FilteredProducts,
@@ -64,7 +70,7 @@ class BandEvaluation:
         residual: shape (N, n), of the wide band [Nm].
         torque: shape (N, n), transmission torque of the narrow band [Nm].
         link: rigid-body terms of the narrow band.
-        jacobian: shape (N, n, P), of the narrow band; None if it was not asked for.
+        jacobian: shape (N, n, P), the instruments (`TwoBandData.instruments`); None if not asked for.
     """
 
     x: Array
@@ -82,6 +88,7 @@ class TwoBandData:
     Attributes:
         layout: layout of the model.
         wide, narrow: equation in each band.
+        wide_columns: parameters whose instruments come from the wide band.
         blocks: stretches of samples.
         noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
         noise_model: noise model of the weighting.
@@ -122,7 +129,7 @@ class TwoBandData:
         self._set(layout)
 
     def _set(self, layout: Layout) -> None:
-        self.layout = layout
+        self.layout, self.wide_columns = layout, _wide_columns(layout)
         self.wide, self.narrow = (
             Equation(self.robot, signals, layout, self._shared) for signals in self._signals
         )
@@ -165,10 +172,21 @@ class TwoBandData:
         narrow = self.narrow.at(x, None if after is None else after.narrow_point, moving=True)
         if jacobian:
             found = narrow.evaluate(x, moving=True)
-            s, link, slopes = found.torque[0], found.link, found.jacobian
+            s, link, slopes = found.torque[0], found.link, self.instruments(found.jacobian, wide, x)
         else:
             s, link, slopes = narrow.motor_side(x)[0][0], narrow.link_terms(x), None
         return BandEvaluation(x, wide, narrow, self.residual(wide, x), s.copy(), link, slopes)
+
+    def instruments(self, jacobian: Array, wide: OperatingPoint | None, x: Array) -> Array:
+        """The Jacobian (N, n, P) of the narrow band at x, with the columns from the wide band put in place.
+
+        `wide`: its operating point, needed if `wide_columns` is not empty.
+        """
+        if self.wide_columns.size:
+            assert wide is not None
+            at = self.wide_columns
+            jacobian[:, :, at] = wide.evaluate(x, moving=True).jacobian[:, :, at]
+        return jacobian
 
     def residual(self, wide: OperatingPoint, x: Array) -> Array:
         """Residual of the wide band at x (P,), shape (N, n) [Nm]; `wide`: its operating point."""
@@ -227,13 +245,14 @@ class TwoBandData:
     def instrument_bias(self, x: Array, link: LinkTerms, whiteners: Sequence[Whitener]) -> list[Array]:
         """Mean of (W z)ᵀ W r per sample due to shared noise, shape (P,), one per block."""
         paths = {(w.sensor, j): w for w in noise_paths(self.layout, x, link) for j in w.joints}
-        observers = self.narrow.signals.observer, self.wide.signals.observer
+        narrow, wide = self.narrow.signals.observer, self.wide.signals.observer
         out = [np.zeros(self.layout.size) for _ in self.blocks]
         seen = [lookback(w) for w in whiteners]
         for parameters, into_z in instrument_paths(self.layout, x, link):
             into_r = paths[into_z.sensor, into_z.joints[0]]
             variance = into_z.variance(self.noise)
             derivatives = into_z.derivatives, into_r.derivatives
+            observers = wide if np.isin(parameters, self.wide_columns).all() else narrow, wide
             for mean, block, w in zip(out, self.blocks, seen, strict=True):
                 raw, rows = block.segment.step, block.rows
                 kernel = shared_kernel(observers, raw * block.stride, raw, derivatives, len(w.weights) - 1)
@@ -294,6 +313,16 @@ class TwoBandData:
             unknown = weighting.unknown_share(z[rows])
             total += unknown @ unknown.T
         return total
+
+
+def _wide_columns(layout: Layout) -> NDArray[np.intp]:
+    """Parameters whose instruments come from the wide band."""
+    columns: set[int] = set()
+    for effect, where in layout.effect_slices():
+        if EFFECTS[effect.effect].abrupt and effect.joint is not None:
+            columns.update(range(where.start, where.stop))
+            columns.update(part.start + effect.joint for part in (layout.compliance, layout.link_viscous))
+    return np.array(sorted(columns), np.intp)
 
 
 def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:

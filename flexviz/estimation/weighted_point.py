@@ -57,6 +57,7 @@ class Point:
         weightings: one per block.
         torque: shape (N, n), transmission torque of the narrow band [Nm].
         narrow_point: operating point of the narrow band.
+        wide_point: that of the wide band; None unless instruments need it.
         bias: mean of zᵀ r per sample due to shared noise, shape (P,), one per block.
         transients: Σ N log max(χ_j, 1) of the unused samples, each window with its own χ_j.
     """
@@ -68,6 +69,7 @@ class Point:
     weightings: list[NoiseWeighting]
     torque: Array
     narrow_point: OperatingPoint
+    wide_point: OperatingPoint | None
     bias: list[Array]
     transients: float = 0.0
     _instruments: Recent[Array] = field(default_factory=INSTRUMENTS, init=False)
@@ -76,7 +78,7 @@ class Point:
     @property
     def z(self) -> Array:
         """Instruments, shape (N, n, P); unused samples are zero."""
-        return self._instruments.get(lambda: self._weighted(self.jacobian()))
+        return self._instruments.get(lambda: self._weighted(self._slopes()))
 
     @property
     def link(self) -> LinkTerms:
@@ -87,6 +89,9 @@ class Point:
         """∂r/∂x of the narrow band, shape (N, n, P)."""
         return self.narrow_point.evaluate(self.x, moving=True).jacobian
 
+    def _slopes(self) -> Array:
+        return self.two_band.instruments(self.jacobian(), self.wide_point, self.x)
+
     def _weighted(self, jacobian: Array) -> Array:
         for weighting, rows in zip(self.weightings, self.rows, strict=True):
             jacobian[rows] = weighting.apply(jacobian[rows])
@@ -95,7 +100,9 @@ class Point:
 
     def forget(self) -> None:
         """Discard the signals at the operating point, which can be computed again."""
-        self.narrow_point.context.forget()
+        for point in (self.narrow_point, self.wide_point):
+            if point is not None:
+                point.context.forget()
 
     @property
     def whiteners(self) -> list[Whitener]:
@@ -198,8 +205,10 @@ def weighted_point(
     ends, costs = zip(*(outside_transients(r[b.rows]) for b in two_band.blocks), strict=True)
     used, transients = np.concatenate(ends), float(sum(costs))
     r[~used] = 0.0
-    at, jacobian = evaluation.narrow_point, evaluation.jacobian
-    point = Point(two_band, evaluation.x, r, used, weightings, evaluation.torque, at, bias, transients)
+    narrow, jacobian = evaluation.narrow_point, evaluation.jacobian
+    wide = evaluation.wide_point if two_band.wide_columns.size else None
+    x, torque = evaluation.x, evaluation.torque
+    point = Point(two_band, x, r, used, weightings, torque, narrow, wide, bias, transients)
     point._link.get(lambda: evaluation.link)
     if jacobian is not None:
         point._instruments.get(lambda: point._weighted(jacobian))
