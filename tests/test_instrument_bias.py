@@ -132,12 +132,19 @@ def noise_deviation(point: Point) -> Array:
     return np.sqrt(np.diag(matrix))
 
 
-@pytest.mark.parametrize("damping", [None, 6.0])
-def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, damping: float | None) -> None:
+@pytest.mark.parametrize(
+    "effects, noise",
+    [
+        ((), 2.0),
+        ((EffectValue("joint_damping", "joint2", {"damping": 6.0}),), 0.6),
+        ((EffectValue("backlash", "joint2", {"half_width": 1e-6}),), 0.6),  # instruments of the wide band
+    ],
+)
+def test_without_what_is_shared_the_score_is_zero_on_average(
+    tmp_path: Path, effects: tuple[EffectValue, ...], noise: float
+) -> None:
     """A torque sensor that is so bad that the joint's deflection drowns in its noise."""
     plan = of_groups(make_plan("planar-2r"), duration=12.0)
-    effects = () if damping is None else (EffectValue("joint_damping", "joint2", {"damping": damping}),)
-    noise = {None: 2.0, 6.0: 0.6}[damping]
     sensors = replace(plan.sensors, theta_noise=2e-7, torque_noise=noise)
     plan = replace(plan, sensors=sensors, model=replace(plan.model, effects=effects))
     runs = move(plan, 1)
@@ -200,3 +207,25 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
         np.abs(fitted.influence.sum(axis=0) / fitted.covariance.standard_errors)[layout.compliance].max()
         < 0.2
     )
+
+
+def test_instruments_of_a_gap_come_from_the_wide_band(tmp_path: Path) -> None:
+    plan = of_groups(make_plan("planar-2r", ["backlash:joint2:half_width=0.001"]))
+    measured = read_set(write_plan(plan, record(plan, move(plan, 1), 1), tmp_path / "set"))
+    layout = layout_of(measured, ["backlash:joint2", "coulomb_friction:joint1"])
+    two_band = FitContext(measured, layout).two_band.with_layout(layout)
+    names = [layout.names()[k][:2] for k in two_band.wide_columns]
+    assert names == [
+        (name, "joint2") for name in ("stiffness", "link_viscous_friction", "backlash.half_width")
+    ]
+    x = layout.vector(replace(plan.model, effects=plan.model.effects[:1]))
+    here = two_band.evaluate(x)
+    assert here.jacobian is not None
+    bands = {True: here.wide_point, False: here.narrow_point}
+    for k in range(layout.size):
+        there = bands[k in two_band.wide_columns].evaluate(x, moving=True).jacobian
+        np.testing.assert_allclose(here.jacobian[:, :, k], there[:, :, k], rtol=1e-12)
+    point = Whitening(two_band).point(x)
+    point.forget()
+    again = replace(point)  # computed anew
+    np.testing.assert_allclose(again.z, point.z, rtol=1e-9, atol=1e-9 * np.abs(point.z).max())

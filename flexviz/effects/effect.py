@@ -101,7 +101,7 @@ class Effect(ABC):
         replaces: an effect that it refines and therefore replaces on its joint.
         twins: effects that the same data usually cannot distinguish from it.
         hidden_state: no encoder measures its state, so that even a good fit leaves a larger residual.
-        abrupt: u jumps in position; a narrow filter leaves too little of that to distinguish it from compliance.
+        abrupt: u jumps in position, of which a narrow filter leaves too little to tell it from compliance.
         damps_deflection: it low-passes the path from joint torque to deflection, including sensor noise.
         flexible: it can imitate unknown position effects (ripples of free order).
         relative: u is proportional to `motion.motor_viscous`, so that it changes with f_mv.

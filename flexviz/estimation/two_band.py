@@ -1,8 +1,8 @@
 """Two-band data: residual from a wide filter, instruments from a narrow one, and their noise.
 
-Where an effect jumps in position, as backlash does, the narrow band hardly distinguishes it from compliance, and
-Zᵀ W r = b has a second root without the effect, to which most steps lead. The instruments of such an effect
-and of its joint's compliance and link viscous friction, whose columns jump, too, come from the wide band.
+Where an effect jumps in position, as backlash does, the narrow band hardly distinguishes it from compliance,
+and Zᵀ W r = b has a second root without the effect, to which most steps lead. Instruments of such an
+effect, and of its joint's compliance and link viscous friction, come from the wide band.
 """
 
 from __future__ import annotations
@@ -182,9 +182,8 @@ class TwoBandData:
 
         `wide`: its operating point, needed if `wide_columns` is not empty.
         """
-        if self.wide_columns.size:
+        if (at := self.wide_columns).size:
             assert wide is not None
-            at = self.wide_columns
             jacobian[:, :, at] = wide.evaluate(x, moving=True).jacobian[:, :, at]
         return jacobian
 

@@ -78,7 +78,8 @@ class Point:
     @property
     def z(self) -> Array:
         """Instruments, shape (N, n, P); unused samples are zero."""
-        return self._instruments.get(lambda: self._weighted(self._slopes()))
+        found = partial(self.two_band.instruments, wide=self.wide_point, x=self.x)
+        return self._instruments.get(lambda: self._weighted(found(self.jacobian())))
 
     @property
     def link(self) -> LinkTerms:
@@ -89,9 +90,6 @@ class Point:
         """∂r/∂x of the narrow band, shape (N, n, P)."""
         return self.narrow_point.evaluate(self.x, moving=True).jacobian
 
-    def _slopes(self) -> Array:
-        return self.two_band.instruments(self.jacobian(), self.wide_point, self.x)
-
     def _weighted(self, jacobian: Array) -> Array:
         for weighting, rows in zip(self.weightings, self.rows, strict=True):
             jacobian[rows] = weighting.apply(jacobian[rows])
@@ -100,9 +98,8 @@ class Point:
 
     def forget(self) -> None:
         """Discard the signals at the operating point, which can be computed again."""
-        for point in (self.narrow_point, self.wide_point):
-            if point is not None:
-                point.context.forget()
+        for point in filter(None, (self.narrow_point, self.wide_point)):
+            point.context.forget()
 
     @property
     def whiteners(self) -> list[Whitener]:
