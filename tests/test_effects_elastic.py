@@ -147,7 +147,7 @@ def test_both_are_identified_on_one_joint(tmp_path: Path) -> None:
 @pytest.mark.parametrize("steady", [1.0, 0.6, 0.2])
 @pytest.mark.parametrize("towards", [1.0, -1.0])
 def test_a_gap_is_crossed_in_free_flight(seconds: float, steady: float, towards: float) -> None:
-    """The spring unwinds, motor and link accelerate apart, and the other flank is hit with the speed reached."""
+    """The spring unwinds, motor and link accelerate apart, and the other flank stops them."""
     b, stiffness = 5e-3, 700.0
     speed = steady * 2 * b / seconds  # with which a flank is left; acceleration does the rest
     acceleration = (1 - steady) * 4 * b / seconds**2

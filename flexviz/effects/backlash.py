@@ -9,9 +9,9 @@ from flexviz.effects.effect import EffectEvidence, HiddenStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
-# A torque below IDLE_SHARE of the largest one within RINGING_TIME (an observer rings after the torque falls to
-# zero), plus FAINT_SHARE of the rms, may be that of a joint inside the gap; one above LOADED_SHARE presses on a
-# flank. For simulated gaps of 13 joints, other values explain less at the true parameters.
+# A torque below IDLE_SHARE of the largest one within RINGING_TIME (an observer rings after the torque falls
+# to zero), plus FAINT_SHARE of the rms, may be that of a joint inside the gap; one above LOADED_SHARE presses
+# on a flank. For simulated gaps of 13 joints, other values explain less at the true parameters.
 IDLE_SHARE, LOADED_SHARE, RINGING_TIME, FAINT_SHARE = 0.06, 0.12, 0.06, 0.01  # [], [], [s], []
 START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: initial gaps of a search
 MIN_REVERSED_SHARE = 0.005  # of the samples with reversed load; with fewer a gap is only an offset
