@@ -9,10 +9,11 @@ import pytest
 
 from flexviz.equation import Layout
 from flexviz.identification import identify
-from flexviz.identification.failure import Unrest, unrest_by_residual, why_not
+from flexviz.identification.failure import Unrest, unexplained, unrest_by_residual, why_not
 from flexviz.identification.result import ParameterEstimate, ResidualSummary
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.resources import sessions_dir
+from flexviz.wording import percent
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +34,18 @@ def test_the_joint_whose_torque_is_another_motions_is_named(strange: Measurement
     assert not result.converged
     assert "joint2 cannot be fitted, because its motor inertia ended at the bound" in result.message
     assert "joint1 cannot be fitted" not in result.message
-    share = 100 * result.residual.rms[1] / result.residual.torque_spread[1]
-    assert f"its error is {share:.2g} % of its torque" in result.message
+    share = result.residual.rms[1] / result.residual.torque_spread[1]
+    assert share > 1 and f"its error is {percent(share)} of its torque" in result.message
+
+
+def test_a_converged_fit_that_explains_nothing_of_a_joint_says_so() -> None:
+    summary = ResidualSummary(("a", "b"), (0.1, 3.0), None, (0.1, 0.1), (10.0, 2.9))
+    found = unexplained(summary)
+    assert found is not None and list(found.joints) == [0.0, 1.0]
+    assert unexplained(replace(summary, rms=(0.1, 2.8))) is None
+    assert unexplained(replace(summary, noise_floor=(0.1, 1.1))) is None
+    assert unexplained(replace(summary, torque_spread=(10.0, 0.0))) is None
+    assert unexplained(replace(summary, torque_spread=())) is None
 
 
 def test_a_plain_fit_that_runs_out_of_steps_says_what_still_moves() -> None:

@@ -34,6 +34,7 @@ MAX_HALVINGS = 4  # of a step in a damped fit
 PREDICTED = 4.0  # decrease of Σ r² over all further steps, relative to that predicted for the next one
 IMPROVED = 0.997  # factor on the objective, below which a step has improved it
 MAX_MODEL_ERROR_FITS = 8  # fits while the model error is adapted to the residual
+FEW_STEPS = 3  # of these, while the model error is far too small
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,12 +201,14 @@ def refine(
     enough to explain the residual: the noise alone would give misleading weights.
     """
 
-    def run(data: TwoBandData, x: Array, after: BandEvaluation | None) -> tuple[Refined, BandEvaluation]:
+    def run(
+        data: TwoBandData, x: Array, after: BandEvaluation | None, iterations: int
+    ) -> tuple[Refined, BandEvaluation]:
         whitening = EarlyWhitening(data, after)
         negligible = ESTIMATION.negligible_step
         solved = solve(
             whitening, prior, bounds, x,
-            iterations=max_iterations, negligible=negligible, least=EarlyWhitening.STEPS, report=report,
+            iterations=iterations, negligible=negligible, least=EarlyWhitening.STEPS, report=report,
         )  # fmt: skip
         chi = solved.point.chi
         covariance = solved.covariance(from_noise=float(np.mean(chi)) < ESTIMATION.noise_explains)
@@ -214,14 +217,17 @@ def refine(
         assert whitening.evaluation is not None
         return refined, whitening.evaluation
 
-    refined, last = run(two_band, x, None)
+    refined, last = run(two_band, x, None, max_iterations)
     if refined.chi_square <= ESTIMATION.consistent:
         return refined
     error = first_model_error(last.narrow_point.motor_side(x)[0][0])
-    for _ in range(MAX_MODEL_ERROR_FITS):
-        refined, last = run(two_band.with_model_error(error), x, last)
+    for index in range(MAX_MODEL_ERROR_FITS):
+        near = index > 0 and bool(np.all(refined.chi < ESTIMATION.consistent))
+        last_time = index == MAX_MODEL_ERROR_FITS - 1
+        iterations = max_iterations if near or last_time else min(FEW_STEPS, max_iterations)
+        refined, last = run(two_band.with_model_error(error), x, last, iterations)
         x = refined.x
-        if np.all(refined.chi < ESTIMATION.model_error_settled):
+        if iterations == max_iterations and np.all(refined.chi < ESTIMATION.model_error_settled):
             break
         error = error * np.maximum(refined.chi, 0.5)
     return refined

@@ -21,7 +21,7 @@ from flexviz.estimation import (
     residual_noise,
 )
 from flexviz.estimation import refine as refine_fit
-from flexviz.identification.failure import Unrest, unrest_by_residual, unrest_of, why_not
+from flexviz.identification.failure import Unrest, unexplained, unrest_by_residual, unrest_of, why_not
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
@@ -77,7 +77,8 @@ def identify(
         plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations, model, gains)
         outcome = _plain_outcome(plain)
         if model is not None:
-            outcome = replace(outcome, message="values as given; they were not fitted with this observer")
+            text = "values as given; they were not fitted with this observer"
+            outcome = replace(outcome, message=text, given=True)
         elif refine and not report.stopped:
             outcome = _refined_outcome(measurements, fitted, plain, outcome, report)
         if report.stopped:
@@ -109,6 +110,7 @@ class _Outcome:
         at_bound: shape (P,).
         converged, refined, message: as in `Identification`.
         unrest: what keeps the fit from converging.
+        given: the values were not fitted.
     """
 
     x: Array
@@ -119,6 +121,7 @@ class _Outcome:
     message: str
     refined: bool = False
     unrest: Unrest | None = None
+    given: bool = False
 
 
 def _plain_outcome(plain: PlainFit) -> _Outcome:
@@ -174,11 +177,13 @@ def _result(
     validation = measurements.validation_groups
     summary, series = _residuals(measurements, validation, plain, outcome)
     estimates = parameter_estimates(layout, x, start, cov, at_bound, prior)
+    limit = IDENTIFICATION.lag_dominates * np.array(summary.noise_floor)
+    lagging = not outcome.refined and not plain.observer.zero_phase
+    if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(summary)):
+        outcome = replace(outcome, converged=False, unrest=unrest)
     message = outcome.message
     if not outcome.converged and not report.stopped and outcome.unrest is not None:
         message += f"; {why_not(outcome.unrest, layout, estimates, summary)}"
-    limit = IDENTIFICATION.lag_dominates * np.array(summary.noise_floor)
-    lagging = not outcome.refined and not plain.observer.zero_phase
     if lagging and np.any(np.array(summary.rms) > limit):
         # the intervals do not include the error of a lagging observer
         estimates = tuple(

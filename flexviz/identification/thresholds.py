@@ -31,6 +31,7 @@ class IdentificationThresholds:
             "weak".
         unrest: share of the remaining step from which a joint keeps a fit from converging.
         bad_share: error relative to a joint's torque that is named as the reason.
+        nothing_explained: error relative to a joint's torque from which the joint counts as not fitted.
     """
 
     grades: Grades = field(
@@ -51,6 +52,7 @@ class IdentificationThresholds:
     lag_dominates: float = 3.0
     unrest: float = 0.3
     bad_share: float = 0.1
+    nothing_explained: float = 1.0
 
 
 IDENTIFICATION = IdentificationThresholds()
