@@ -41,6 +41,7 @@ class Backlash(LawEffect):
     abrupt = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        # the way across is that of the present b, like the torque: u stays linear
         flank = _flank(motion, abs(motion.present.get(self.name, (0.0,))[0]))
         return -values[0] * flank, -flank[None]
 
