@@ -48,11 +48,15 @@ def unrest_by_residual(chi: Array) -> Unrest:
     return Unrest(chi / max(float(chi.sum()), 1e-300), np.zeros(0))
 
 
+def far_above_noise(residual: ResidualSummary) -> NDArray[np.bool_]:
+    """Joints whose error is not that of the sensors, shape (n,)."""
+    return np.array(residual.rms) > IDENTIFICATION.far_above_noise * np.array(residual.noise_floor)
+
+
 def unexplained(residual: ResidualSummary) -> Unrest | None:
     """Joints of which a fit explains no more than a constant would, far above the noise; None if none."""
-    floor = IDENTIFICATION.lag_dominates * np.array(residual.noise_floor)
     shares = np.array(normalised(residual.rms, residual.torque_spread or [np.nan] * len(residual.rms)))
-    nothing = (shares >= IDENTIFICATION.nothing_explained) & (np.array(residual.rms) > floor)
+    nothing = (shares >= IDENTIFICATION.nothing_explained) & far_above_noise(residual)
     return unrest_by_residual(np.where(nothing, shares, 0.0)) if nothing.any() else None
 
 

@@ -21,11 +21,17 @@ from flexviz.estimation import (
     residual_noise,
 )
 from flexviz.estimation import refine as refine_fit
-from flexviz.identification.failure import Unrest, unexplained, unrest_by_residual, unrest_of, why_not
+from flexviz.identification.failure import (
+    Unrest,
+    far_above_noise,
+    unexplained,
+    unrest_by_residual,
+    unrest_of,
+    why_not,
+)
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
-from flexviz.identification.thresholds import IDENTIFICATION
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
@@ -177,14 +183,13 @@ def _result(
     validation = measurements.validation_groups
     summary, series = _residuals(measurements, validation, plain, outcome)
     estimates = parameter_estimates(layout, x, start, cov, at_bound, prior)
-    limit = IDENTIFICATION.lag_dominates * np.array(summary.noise_floor)
     lagging = not outcome.refined and not plain.observer.zero_phase
     if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(summary)):
         outcome = replace(outcome, converged=False, unrest=unrest)
     message = outcome.message
     if not outcome.converged and not report.stopped and outcome.unrest is not None:
         message += f"; {why_not(outcome.unrest, layout, estimates, summary)}"
-    if lagging and np.any(np.array(summary.rms) > limit):
+    if lagging and far_above_noise(summary).any():
         # the intervals do not include the error of a lagging observer
         estimates = tuple(
             replace(p, identifiable="weak") if p.identifiable == "yes" else p for p in estimates

@@ -27,8 +27,8 @@ class IdentificationThresholds:
         viscous_floor: a joint's viscous friction on one side is judged on no smaller scale than this share of
             both sides' sum.
         effect_floor: an effect's parameter is judged on no smaller scale than this share of its prior spread.
-        lag_dominates: times the noise floor from which a lagging observer's residual caps all grades at
-            "weak".
+        far_above_noise: times the noise floor from which an error is not that of the sensors; that of a
+            lagging observer caps all grades at "weak".
         unrest: share of the remaining step from which a joint keeps a fit from converging.
         bad_share: error relative to a joint's torque that is named as the reason.
         nothing_explained: error relative to a joint's torque from which the joint counts as not fitted.
@@ -49,7 +49,7 @@ class IdentificationThresholds:
     tied: float = 0.9
     viscous_floor: float = 0.05
     effect_floor: float = 0.007
-    lag_dominates: float = 3.0
+    far_above_noise: float = 3.0
     unrest: float = 0.3
     bad_share: float = 0.1
     nothing_explained: float = 1.0
