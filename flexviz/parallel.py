@@ -26,6 +26,7 @@ Result = TypeVar("Result")
 Own = TypeVar("Own")
 
 MOST_CORES = 4  # more of them wait for one another
+SPARE_NICENESS = 10
 STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
 _PR_SET_PDEATHSIG = 1
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
@@ -93,11 +94,12 @@ class Background(Generic[Result]):
     Args:
         function: the work.
         begin: whether to begin now.
-        spare: let it wait for a core that has nothing else to do.
+        spare: leave the cores to other work, and do it here if it is not done when asked for: on a busy
+            machine it may hardly have begun.
     """
 
     def __init__(self, function: Callable[[], Result], begin: bool = True, spare: bool = False) -> None:
-        self._function = function
+        self._function, self._spare = function, spare
         self._copy = _Copy(function, spare) if begin and _allowed.get() > 1 else None
         busy = _busy.get()
         if self._copy is not None and busy is not None and not spare:
@@ -110,6 +112,8 @@ class Background(Generic[Result]):
 
     def result(self) -> Result:
         """What the function returns. To be asked for once."""
+        if self._spare and not self.ready:
+            self.close()
         found = self._copy.answer() if self._copy is not None else None
         self._copy = None
         return self._function() if found is None else found[0]
@@ -225,7 +229,7 @@ class _Copy:
                 signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the result stops this copy
                 _allowed.set(1)
                 if spare:
-                    os.nice(19)
+                    os.nice(SPARE_NICENESS)
                 theirs.send((function(),))
             os._exit(0)  # nothing of the process that was copied is tidied up
         theirs.close()
