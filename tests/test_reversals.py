@@ -73,8 +73,12 @@ def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
 
 
 def test_impacts_of_a_large_backlash_leave_only_noise(tmp_path: Path) -> None:
-    found = diagnose(simulated(tmp_path, LARGE, 109), apply=True)
-    first = found.findings[0]
-    assert (first.effect, first.joint) == ("backlash", "joint2") and first.confidence > 0.9
-    # 11 times the noise where products are formed after the filter
-    assert found.steps[-1].verdict == "nothing-missing"
+    measurements = simulated(tmp_path, LARGE, 109)
+    effects = ["backlash:joint2"]
+    layout = layout_of(measurements, effects)
+    near = layout.vector(identify(measurements, effects=effects, refine=True).model)
+    after, before = FitContext(measurements, layout), FitContext(measurements, layout).with_products()
+    assert after.fit(layout, near, iterations=6).chi.max() > 10.0  # products of filtered signals
+    fit = before.fit(layout, near, iterations=6)
+    assert fit.chi.max() < 1.3 and fit.chi_held_out.max() < 1.3
+    assert fit.x[-1] == pytest.approx(0.0024016, rel=1e-3)
