@@ -112,6 +112,8 @@ def test_parts_of_a_long_stretch() -> None:
         assert len(parts) == count and parts[0].start == 0 and parts[-1].stop == len(time)
         assert all(a.stop == b.start for a, b in pairwise(parts))
         assert np.ptp([p.stop - p.start for p in parts]) <= 1
+    short: Any = 0.02 * np.arange(500)
+    assert [len(parts_of(short, pulses)) for pulses in (0, 1500, 1501, 4048)] == [1, 1, 2, 3]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis import stages
 from flexviz.diagnosis.candidates import candidates
 from flexviz.diagnosis.elimination import Necessity, necessities, sizes
 from flexviz.diagnosis.motion_fit import MotionFit
@@ -45,7 +46,7 @@ class AfterRest(WhatIsLeft):
         context, before = self.context, self.context.first_phase
         if not np.any(before == Phase.MOTION):
             return fit, needed
-        self.say("fitting the first movement after standstill")
+        self.say(stages.FIRST_MOVEMENT)
         try:
             context.first_phase = np.minimum(before, np.int8(Phase.START))
             larger, useful = self.with_useful_starts(self.fit(fit.layout, fit.x))

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis import stages
 from flexviz.diagnosis.after_rest import AfterRest
 from flexviz.diagnosis.candidates import NearNoise, is_episode, without_effect
 from flexviz.diagnosis.elimination import Necessity, necessities
@@ -102,7 +103,7 @@ class RichSearch(AfterRest):
 
     def survey(self) -> RichModel:
         """The rich model of usual effects, thinned out once."""
-        self.say("fitting all usual effects on all joints")
+        self.say(stages.USUAL)
         fit, needed = self.thinned(self.usual_fit())
         return RichModel(fit, needed)
 
@@ -117,7 +118,7 @@ class RichSearch(AfterRest):
         weighty = [e for e in survey.added(self.own) if survey.needed[e].share > LIMITS.weighty_share]
         if len(weighty) >= LIMITS.surely_many:
             return True
-        self.say("checking whether one effect explains all")
+        self.say(stages.ONE)
         floor = self.context.noise_floor
         enough = np.minimum(LIMITS.far_off * floor, np.maximum(LIMITS.as_well * survey.fit.rms, 2 * floor))
         leading = [s for s in self.alone if not is_episode(s.effect)]

@@ -5,12 +5,13 @@ on details of the reversal and is unknown. Each such interval is described by pu
 cost a few samples per reversal instead of biasing the fit. The initial state of a law with memory is treated
 likewise (`LawEffect.unknown`).
 
-A long stretch is taken apart: all pulses of its samples together would take memory with the square of its
-length. A pulse near the border of two parts is unknown in both.
+A stretch that is long or has very many pulses is taken apart: all of them together would take memory with the
+square and time with the cube of their number. A pulse near the border of two parts is unknown in both.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -39,6 +40,7 @@ TOGETHER = 0.3  # [s]
 MOST_TOGETHER = 12
 LONGEST = 30.0  # [s] longer stretches are taken apart
 PART = 10.0  # [s] about the length of a part
+MOST = 1500  # pulses of a part
 LEAD = 1.0  # [s] before a part, for whitening, which looks back
 BORDER = 0.4  # [s] beyond a part, from where a filtered pulse still matters
 
@@ -102,45 +104,78 @@ def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = Fa
     """
     compliance = local_compliance(point.layout, x, link.torque)
     chain, lags = Chain(compliance, x[point.layout.link_viscous], link), time_constants(point.layout, x)
+    unknown = list(_unknown(point, x))
+    counts = Counter[int]()
+    for one in unknown:
+        counts[one.index] += len(one.times)
     found: dict[tuple[int, int], list[Pulses]] = {}
-    for effect, where in point.layout.effect_slices():
-        law, joint = EFFECTS[effect.effect], effect.joint
-        if not isinstance(law, LawEffect) or joint is None or not np.any(x[where]):
-            continue
-        for index, motion in enumerate(point.context.motions(joint)):
-            lag = float(lags[joint])
-            for one in _of_stretch(point, index, law, joint, motion, x[where], chain, lag, products):
-                found.setdefault((index, one.rows.start), []).append(one)
+    for one in unknown:
+        lag = float(lags[one.joint])
+        for part in _of_stretch(point, one, counts[one.index], chain, lag, products):
+            found.setdefault((one.index, part.rows.start), []).append(part)
     return [
         replace(same[0], groups=tuple(group for one in same for group in one.groups))
         for _, same in sorted(found.items())
     ]
 
 
+@dataclass(frozen=True)
+class _Unknown:
+    """What of an effect is unknown in a stretch.
+
+    Attributes:
+        index: which stretch.
+        law, joint: the effect.
+        motion: of the joint in the stretch.
+        times, sizes: shape (M,), instants [s] and standard deviations of the pulses.
+        begun: unknown initial states (`LawEffect.unknown`).
+    """
+
+    index: int
+    law: LawEffect
+    joint: int
+    motion: JointMotion
+    times: Array
+    sizes: Array
+    begun: Array
+
+
+def _unknown(point: OperatingPoint, x: Array) -> Iterator[_Unknown]:
+    """What is unknown of every effect, stretch by stretch."""
+    for effect, where in point.layout.effect_slices():
+        law, joint, values = EFFECTS[effect.effect], effect.joint, x[where]
+        if not isinstance(law, LawEffect) or joint is None or not np.any(values):
+            continue
+        for index, motion in enumerate(point.context.motions(joint)):
+            nothing = np.zeros(0), np.zeros(0)
+            times, sizes = nothing if law.smooth else undecided(law, motion, values)
+            yield _Unknown(index, law, joint, motion, times, sizes, law.unknown(motion, values))
+
+
 def _of_stretch(
-    point: OperatingPoint,
-    index: int,
-    law: LawEffect,
-    joint: int,
-    motion: JointMotion,
-    values: Array,
-    chain: Chain,
-    lag: float,
-    products: bool,
+    point: OperatingPoint, unknown: _Unknown, count: int, chain: Chain, lag: float, products: bool
 ) -> Iterator[Pulses]:
-    """The pulses of one effect in each part of a stretch that has some; `lag` is the joint's D/K [s]."""
+    """The pulses of one effect in each part of a stretch that has some.
+
+    Args:
+        point: operating point.
+        unknown: of the effect in the stretch.
+        count: pulses of all effects in the stretch.
+        chain: of all samples.
+        lag: the joint's D/K [s].
+        products: as of `pulses`.
+    """
+    index, law, joint, times = unknown.index, unknown.law, unknown.joint, unknown.times
     block, context = point.signals.blocks[index], point.context
     time = point.signals.time[block.rows]
-    times, sizes = (np.zeros(0), np.zeros(0)) if law.smooth else undecided(law, motion, values)
-    begun = law.unknown(motion, values)
 
     def part_of(seen: slice) -> Chain:
         return chain.rows(slice(block.rows.start + seen.start, block.rows.start + seen.stop))
 
     def group(inside: slice, chosen: slice) -> PulseGroup:
-        at = np.searchsorted(motion.time, times[chosen])
+        at = np.searchsorted(unknown.motion.time, times[chosen])
         seen = context.pulse_rows(index, at, joint, inside)
-        size = (sizes[chosen] / motion.step)[:, None, None]
+        size = (unknown.sizes[chosen] / unknown.motion.step)[:, None, None]
         u = bends = context.pulses_block(index, at, joint, law.depth, seen) * size
         torque = law.entry == "torque"
         if lag and torque:  # a damped joint bends later
@@ -152,7 +187,7 @@ def _of_stretch(
             columns = part_of(seen).columns(law.entry, joint, u, bends)
         return PulseGroup(seen.start, columns)
 
-    for rows in parts_of(time):
+    for rows in parts_of(time, count):
         begin, first, last = 0, 0, len(times)
         if rows.stop - rows.start < len(time):
             begin = max(rows.start - int(np.ceil(LEAD / (time[1] - time[0]))), 0)
@@ -160,8 +195,8 @@ def _of_stretch(
             last = int(np.searchsorted(times, time[rows.stop - 1] + BORDER))
         inside = slice(begin, rows.stop)
         groups = [group(inside, chosen) for chosen in _together(times, first, last)]
-        if rows.start == 0 and len(begun):
-            state = context.filtered_block(index, begun, joint, law.depth)[:, :, inside]
+        if rows.start == 0 and len(unknown.begun):
+            state = context.filtered_block(index, unknown.begun, joint, law.depth)[:, :, inside]
             groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, state, state)))
         if groups:
             yield Pulses(index, rows, tuple(groups))
@@ -176,10 +211,10 @@ def _together(times: Array, first: int, last: int) -> Iterator[slice]:
         first = end
 
 
-def parts_of(time: Array) -> list[slice]:
-    """Samples of each part of a stretch with sample times (N,) [s]; one part unless it is long."""
+def parts_of(time: Array, pulses: int = 0) -> list[slice]:
+    """Samples of each part of a stretch with sample times (N,) [s]; one part unless long or full of pulses."""
     length = float(time[-1] - time[0])
-    count = 1 if length <= LONGEST else round(length / PART)
+    count = max(1 if length <= LONGEST else round(length / PART), -(-pulses // MOST))
     ends = np.arange(count + 1) * len(time) // count
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
