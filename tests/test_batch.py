@@ -168,6 +168,9 @@ def test_lists_name_sets_robots_and_dates(fleet: Path) -> None:
     (fleet / "list.csv").write_text("set,date\na/run1,yesterday\n")
     with pytest.raises(InputError, match=r"row 2, column date.*yesterday"):
         find_sets(fleet / "list.csv")
+    (fleet / "list.txt").write_text("{}\nhello\n")
+    with pytest.raises(InputError, match=r'list\.txt: none of its lines names a folder, the first is "\{\}"'):
+        find_sets(fleet / "list.txt")
     (fleet / "empty").mkdir()
     with pytest.raises(InputError, match="contains no measurement set"):
         find_sets(fleet / "empty")
@@ -219,8 +222,9 @@ def test_bad_arguments_end_with_one_line(fleet: Path, tmp_path: Path, capsys: An
         ([str(tmp_path / "none"), "--out", str(tmp_path / "o")], "does not exist"),
         ([str(fleet), "--out", str(tmp_path / "o"), "--scheduler", "localhost"], "tcp://HOST:PORT"),
         ([str(fleet), "--out", str(tmp_path / "o"), "--observer", "eye"], "eye"),
+        ([str(fleet), "--out", str(tmp_path / "o"), "--effect", "magic:joint1"], '"magic" does not exist'),
         ([str(fleet), "--out", str(tmp_path / "o"), "--observer", "eso", "--gains", "1,2"], "--gains"),
     ):
         assert main(["batch", *arguments]) == 2
         assert said in capsys.readouterr().err
-    assert [f.name for f in (tmp_path / "full").iterdir()] == ["thesis.txt"]
+    assert [f.name for f in (tmp_path / "full").iterdir()] == ["thesis.txt"] and not (tmp_path / "o").exists()

@@ -156,6 +156,7 @@ def test_places_in_text() -> None:
         ("torque_delay:b", 'belongs to no joint; write "torque_delay"'),
         ("payload_error:p3", 'payload "p3" is not carried'),
         ("torque_offset:c", 'joint "c" is not in the set'),
+        ("torque_offset:b@g1", 'acts in every group of the set; write "torque_offset:b"'),
         ("external_contact:b", "name the group, as in"),
         ("external_contact:b@g1", 'group "g1" is not in the set'),
         ("external_contact", 'as in "external_contact:a@group"'),

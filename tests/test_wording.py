@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from flexviz.diagnosis import EffectParameter, Step
-from flexviz.diagnosis.result import Absorbed
+from flexviz.diagnosis.result import Absorbed, Note
 from flexviz.results import CandidateEntry, parts
 from flexviz.wording import (
     explained,
@@ -19,6 +19,7 @@ from flexviz.wording import (
     left_text,
     mean_nrms,
     moved,
+    span_text,
     text_families,
     text_names,
     text_runs,
@@ -139,3 +140,21 @@ def test_rivals_stay_apart_in_the_verdict() -> None:
     entries = [CandidateEntry.model_validate(f) for f in (COULOMB, FIRST)]
     assert families(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
     assert isinstance(parts(DIAGNOSIS.document(), 160)[0], str)
+
+
+def test_what_is_left_at_reversals_is_said_with_the_verdict() -> None:
+    clean = replace(DIAGNOSIS, verdict="nothing-missing")
+    noise = "Nothing is missing: the residual looks like noise"
+    assert verdict_text(clean).startswith(f"{noise}, and no effect")
+    pulses = replace(clean, notes=(*clean.notes, Note("pulses", "the error arises at motion reversals")))
+    assert verdict_text(pulses).startswith(f"{noise}, but for reversals and backlash crossings, and no")
+
+
+def test_where_a_residual_is_largest() -> None:
+    def place(variable: str, low: float | None, high: float | None) -> Any:
+        return SimpleNamespace(joint="joint1", variable=variable, explained=0.5, range=(low, high))
+
+    groups = ("run1", "run2")
+    assert span_text(place("velocity", -0.25, 1.5), "rad/s", groups) == "−0.250 … 1.50 rad/s"
+    assert span_text(place("velocity", None, 1.5), "rad/s", groups) == "– … 1.50 rad/s"
+    assert span_text(place("group", 1.0, 1.0), "-", groups) == "run2"

@@ -67,6 +67,9 @@ def find_sets(source: Path) -> list[BatchSet]:
         )
     if not rows:
         raise InputError(f"contains no measurement set (a folder with {FILE_NAME})", file=source)
+    if not any(folder.exists() for folder, *_ in rows):
+        message = f'none of its lines names a folder, the first is "{rows[0][0].name[:60]}"'
+        raise InputError(f"{message}; expected folders of measurement sets", file=source)
     return [open_one(base, *row) for row in rows]
 
 

@@ -39,7 +39,7 @@ def batch(
         0.0,
         metavar="S",
         min=0.0,
-        help="Time limit of a diagnosis [s], which keeps what it has found; 0: none.",
+        help="Time limit of a diagnosis in seconds; it keeps what it has found. 0: none.",
     ),
 ) -> int:
     """Identify and diagnose many measurement sets; go on where an earlier run ended."""
@@ -60,6 +60,7 @@ def batch(
 
 def of_every_set(options: IdentificationOptions) -> dict[str, Any]:
     """What the identification of every set is told; InputError for what only a single one can be told."""
+    from flexviz.effects import named_effect
     from flexviz.observers import make_observer
 
     if options.group or options.gains:
@@ -67,6 +68,8 @@ def of_every_set(options: IdentificationOptions) -> dict[str, Any]:
         raise InputError(f"--{name}: only of flexviz identify; here all sets are identified alike")
     bandwidth = parse_bandwidth(options.bandwidth)
     make_observer(options.observer, bandwidth)
+    for text in options.effect or ():
+        named_effect(text)
     return {
         "effects": tuple(options.effect or ()),
         "observer": options.observer,

@@ -36,8 +36,8 @@ def design(
         None, metavar="FILE.toml", help="Payloads, limits of the motion, settings of the search."
     ),
     groups: int | None = typer.Option(None, metavar="N", help="How many. Default: 3; to separate: 1."),
-    duration: float | None = typer.Option(None, metavar="S", help="Length of each group [s]. Default: 10."),
-    floor: float | None = typer.Option(None, metavar="Z", help="Minimum height of the tool [m]."),
+    duration: float | None = typer.Option(None, metavar="S", help="Seconds of each group. Default: 10."),
+    floor: float | None = typer.Option(None, metavar="Z", help="Minimum height of the tool in metres."),
     beside: bool | None = typer.Option(
         None,
         "--beside/--alone",

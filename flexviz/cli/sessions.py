@@ -37,6 +37,7 @@ def session(
         opened = replace(opened, session=opened.session.with_note(note))
     if note is not None or measurement_set is not None:
         save_session(opened.session, opened.measurements, opened.folder)
+        opened = open_session(path)  # with the time at which it was saved
     terminal.print_lines(lines(opened))
     return 0
 

@@ -220,7 +220,8 @@ class Search:
             way = self.afresh if trial[1] else partial(self.fit_from, near=fit)
             return way(trial[0], LIMITS.short_refit)
 
-        self.say(f"testing {plural(len(chosen), 'other candidate')}")
+        if chosen:
+            self.say(f"testing {plural(len(chosen), 'other candidate')}")
         ways = (False, True) if excess(fit) > LIMITS.far_off else (False,)
         starts = ((s, with_effect(fit.layout, fit.x, s.effect, s.values)) for s in chosen)
         trials = [(s, (start, afresh)) for s, start in starts for afresh in ways]

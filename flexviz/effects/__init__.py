@@ -8,7 +8,7 @@ from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
 from flexviz.effects.names import EFFECT_NAMES, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
-from flexviz.effects.selection import ChosenEffect, choose_effects
+from flexviz.effects.selection import ChosenEffect, choose_effects, named_effect
 from flexviz.effects.terms import (
     SIGN_VELOCITY,
     Context,
@@ -57,6 +57,7 @@ __all__ = [
     "known_names",
     "load_effects",
     "loaded_files",
+    "named_effect",
     "neighbour",
     "simple_form",
     "smooth_sign",

@@ -77,15 +77,21 @@ def choose_effects(
     """
     chosen: dict[ChosenEffect, None] = {}
     for text in wanted:
-        name, _, where = text.partition(":")
-        if name not in EFFECTS:
-            raise InputError(
-                f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}; '
-                "load a user-defined effect with --effects-from"
-            )
-        chosen |= dict.fromkeys(_places(text, EFFECTS[name], where, joints, payloads, groups))
+        where = text.partition(":")[2]
+        chosen |= dict.fromkeys(_places(text, named_effect(text), where, joints, payloads, groups))
     replaced = {(EFFECTS[c.effect].replaces, c.joint) for c in chosen}
     return tuple(c for c in chosen if (c.effect, c.joint) not in replaced)
+
+
+def named_effect(text: str) -> Effect:
+    """The effect that a text refers to, wherever it acts; InputError if there is none of its name."""
+    name = text.partition(":")[0]
+    if name not in EFFECTS:
+        raise InputError(
+            f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}; '
+            "load a user-defined effect with --effects-from"
+        )
+    return EFFECTS[name]
 
 
 def _places(
@@ -111,6 +117,9 @@ def _places(
             meant = choose_from(where, payloads)
             raise InputError(f'effect "{text}": payload "{where}" is not carried in the set; {meant}')
         return [ChosenEffect(name, payload=p) for p in payloads if where in ("", p)]
+    if where not in joints and where.partition("@")[0] in joints:
+        joint = where.partition("@")[0]
+        raise InputError(f'effect "{text}" acts in every group of the set; write "{name}:{joint}"')
     if where and where not in joints:
         raise InputError(f'effect "{text}": joint "{where}" is not in the set; {choose_from(where, joints)}')
     if where:

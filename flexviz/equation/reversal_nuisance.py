@@ -212,7 +212,7 @@ def _together(times: Array, first: int, last: int) -> Iterator[slice]:
 
 
 def parts_of(time: Array, pulses: int = 0) -> list[slice]:
-    """Samples of each part of a stretch with sample times (N,) [s]; one part unless long or full of pulses."""
+    """Samples of the parts of a stretch with sample times (N,) [s]; one unless long or full of pulses."""
     length = float(time[-1] - time[0])
     count = max(1 if length <= LONGEST else round(length / PART), -(-pulses // MOST))
     ends = np.arange(count + 1) * len(time) // count

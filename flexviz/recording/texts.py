@@ -16,9 +16,9 @@ from flexviz.wording import (
     finding_name,
     number,
     share_text,
+    span_text,
     tie_text,
     total_rms,
-    unit_text,
     values_text,
     verdict_text,
 )
@@ -126,10 +126,10 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     places = [place for place in diagnosis.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
     if places:
         lines += ["", "## Where the final model fails", ""]
+    groups = [name for name, *_ in diagnosis.steps[-1].groups] if diagnosis.steps else []
     for place in places:
-        low, high = (number(value, 3) for value in place.range)
         share, unit = share_text(place.explained), units.get((place.joint, place.variable), "")
-        span = f"{low} … {high} {unit_text(unit)}".rstrip()
+        span = as_markdown(span_text(place, unit, groups))
         lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {span}")
     notes = [note.text for note in diagnosis.notes if note.text not in verdict]
     return "\n".join([*lines, "", *(f"- {as_markdown(text)}" for text in notes)])

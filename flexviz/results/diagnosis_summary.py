@@ -25,8 +25,8 @@ from flexviz.wording import (
     normalised,
     number,
     short_names,
+    span_text,
     text_runs,
-    unit_text,
     value_text,
     verdict_text,
 )
@@ -56,9 +56,9 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
             out.append(f"what stays: {left_text(joints, error, spread, last.noise_floor)}")
     place = location(result.where)
     if result.final_verdict == "unknown" and place is not None:
-        low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
         units = {(one.joint, one.variable): one.unit for one in result.maps}
-        span = f"{low} … {high} {unit_text(units.get((place.joint, place.variable), ''))}".rstrip()
+        groups = [group.name for group in last.groups] if last is not None else []
+        span = in_ascii(span_text(place, units.get((place.joint, place.variable), ""), groups))
         out.append(f"what is left on {place.joint} follows {place.variable}, mostly {span}")
     skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
     skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason

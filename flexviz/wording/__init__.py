@@ -62,7 +62,7 @@ from flexviz.wording.numbers import (
     temperature_text,
     unit_text,
 )
-from flexviz.wording.verdicts import location, verdict_text
+from flexviz.wording.verdicts import location, span_text, verdict_text
 
 __all__ = [
     "ALONG",
@@ -107,6 +107,7 @@ __all__ = [
     "share_text",
     "short_names",
     "simulated_text",
+    "span_text",
     "temperature_text",
     "text_families",
     "text_names",

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from flexviz.wording.families import confidence_range, families, joint_score
 from flexviz.wording.findings import ALONG, FindingLike, share_text
-from flexviz.wording.numbers import listed
+from flexviz.wording.numbers import listed, number, unit_text
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 WITH_ADDED = {
@@ -27,6 +27,13 @@ class LocationLike(Protocol):
     def variable(self) -> str: ...
     @property
     def explained(self) -> float | None: ...
+
+
+class SpanLike(LocationLike, Protocol):
+    """A location with the range of the variable where the residual is largest."""
+
+    @property
+    def range(self) -> Sequence[float | None]: ...
 
 
 L = TypeVar("L", bound=LocationLike)
@@ -83,7 +90,9 @@ def verdict_text(
     if diagnosis.verdict == "missing":
         return f"{beginning} an effect that could not be named."
     if diagnosis.verdict == "nothing-missing":
-        return f"{beginning} the residual looks like noise, and no effect of the library explains any of it."
+        pulses = any(note.kind == "pulses" for note in diagnosis.typed_notes)
+        left = "noise, but for reversals and backlash crossings," if pulses else "noise,"
+        return f"{beginning} the residual looks like {left} and no effect of the library explains any of it."
     changing = next((note.text for note in diagnosis.typed_notes if note.kind == "changing"), "")
     if changing:
         return f"{beginning} {changing}."
@@ -103,3 +112,12 @@ def location(where: Sequence[L], worst: str = "") -> L | None:
     """The first location that explains something, on the joint `worst` if there is one."""
     found = [place for place in where if (place.explained or 0.0) > MIN_NAMED_SHARE]
     return next((place for place in found if place.joint == worst), found[0] if found else None)
+
+
+def span_text(place: SpanLike, unit: str, groups: Sequence[str]) -> str:
+    """Where along its variable the residual is largest, "-0.2 … 0.7 rad"; of `groups` the name."""
+    low, high = place.range
+    if place.variable == "group" and low is not None and 0 <= round(low) < len(groups):
+        return groups[round(low)]
+    ends = " … ".join("–" if end is None else number(end, 3) for end in (low, high))
+    return f"{ends} {unit_text(unit)}".rstrip()

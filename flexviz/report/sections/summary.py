@@ -85,9 +85,13 @@ def numbers(content: ReportContent) -> list[Tile]:
         shown = " → ".join(number(100 * mean_nrms(rms, content.spread), 2) for rms in errors) + " %"
         torque = " → ".join(number(total_rms(rms), 3) for rms in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
-        tiles.append(Tile("Error", shown, f"of the torque, mean of the joints; {groups}; {torque} Nm"))
+        tiles.append(
+            Tile(
+                "Error", shown, f"of the torque, mean of the joints; {groups}; rms of the joints {torque} Nm"
+            )
+        )
     if floor:
-        note = f"{number(total_rms(floor), 3)} Nm, expected from measurement noise alone"
+        note = f"rms of the joints {number(total_rms(floor), 3)} Nm, expected from measurement noise alone"
         tiles.append(Tile("Noise floor", percent(mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
     beside = f"beside {plural(own, 'effect')} of the set" if own else ""
