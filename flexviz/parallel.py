@@ -72,7 +72,7 @@ def stopped_by(should_stop: StopCallback) -> Iterator[None]:
 
 @contextlib.contextmanager
 def existing_objects_kept() -> Iterator[None]:
-    """Search only objects made in this context for garbage.
+    """Search only objects made in this context for garbage, the last time at its end.
 
     There are tens of thousands of others, most of imported modules; forked copies would also copy them.
     """
@@ -83,6 +83,7 @@ def existing_objects_kept() -> Iterator[None]:
         yield
     finally:
         if own:
+            gc.collect()  # now it is cheap; what a diagnosis leaves in cycles takes tens of megabytes
             gc.unfreeze()
 
 

@@ -34,6 +34,7 @@ LAYERS = (
         "fourier",
         "jobs",
         "parallel",
+        "memory",
         "recent",
         "schemas",
         "toml",

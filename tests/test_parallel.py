@@ -6,6 +6,8 @@ import gc
 import os
 import signal
 import time
+import weakref
+from typing import Any
 
 import pytest
 
@@ -254,3 +256,15 @@ def test_existing_objects_are_kept_from_the_garbage_collector_for_a_while() -> N
         assert 0 < gc.get_freeze_count() <= kept and len(new) == 1000
         _ = 1 / 0
     assert gc.get_freeze_count() == 0
+
+
+def test_what_a_context_leaves_in_cycles_is_collected_at_its_end() -> None:
+    class Node:
+        pass
+
+    with existing_objects_kept():
+        node: Any = Node()
+        node.itself = node
+        alive = weakref.ref(node)
+        del node
+    assert alive() is None

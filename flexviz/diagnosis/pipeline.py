@@ -32,6 +32,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.memory import return_freed
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
@@ -78,7 +79,9 @@ def diagnose(
             result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
         if progress is not None and not result.stopped:
             progress(pipeline.pace.done())
-        return result
+        del pipeline
+    return_freed()
+    return result
 
 
 class _Pipeline:
