@@ -61,7 +61,12 @@ def credible(
 
 
 def held_to_be_zero(context: FitContext, fit: Fit, effect: ChosenEffect) -> bool:
-    """Whether the 95 % intervals of all that makes up an effect's size include zero.
+    """Whether the 95 % intervals of all that makes up an effect's size include zero."""
+    return not size_in_errors(context, fit, effect) >= NORMAL_95  # also where no interval can be given
+
+
+def size_in_errors(context: FitContext, fit: Fit, effect: ChosenEffect) -> float:
+    """The largest of what makes up an effect's size, in its standard errors; nan where there are none.
 
     A size relative to the motor's viscous friction counts as a torque: of a stiff joint the data show the sum
     of both sides' friction, so that the share alone is uncertain where the torque is not.
@@ -78,7 +83,7 @@ def held_to_be_zero(context: FitContext, fit: Fit, effect: ChosenEffect) -> bool
         size = scale * size
     variance = np.einsum("kp,pq,kq->k", slopes, context.covariance(fit).matrix, slopes)
     std = np.sqrt(np.maximum(variance, 0.0))
-    return bool(np.all(~(np.abs(size) >= NORMAL_95 * std)))  # also where no interval can be given
+    return float(np.fmax.reduce(np.divide(np.abs(size), std, out=np.full(len(size), np.inf), where=std != 0)))
 
 
 def only_an_offset(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:

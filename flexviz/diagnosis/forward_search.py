@@ -114,6 +114,7 @@ class ForwardSearch:
                 break
             if (again := self.search.restarted(fit, best, gained)) is not None:
                 self.replace_final(again)
+                self.tried = []  # beside a worse fit
                 continue
             self.steps.append(SearchStep(fit, best, compared.objectives, scores.shortened()))
             self.fitted(best.fit)

@@ -1,6 +1,7 @@
 """The present model from the values of a larger one: does it fit as well without the effect?
 
-A fit in a distant local minimum is improved by any effect that happens to lead out of it.
+A fit in a distant local minimum is improved by any effect that happens to lead out of it. Near the noise, the
+gain is then much more than the square of the effect's size in standard errors, about which a real one gains.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import Gained, needed_gain
+from flexviz.diagnosis.acceptance import Gained, excess, needed_gain, size_in_errors
 from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -30,6 +31,13 @@ class Restart:
     def __init__(self, context: FitContext, check: Callable[[], None]) -> None:
         self.context, self.check = context, check
         self.foreseen = Foreseen[RefittedCandidate, bool]()
+
+    def advisable(self, fit: Fit, best: RefittedCandidate) -> bool:
+        """Whether the effect may have led out of a local minimum only."""
+        if excess(fit) >= THRESHOLDS.search.far_off:
+            return True
+        size = size_in_errors(self.context, best.fit, best.effect)
+        return fit.objective - best.fit.objective > THRESHOLDS.search.more_than_its_size * size**2
 
     def begin(self, fit: Fit, best: RefittedCandidate, gained: Gained) -> None:
         """Begin with this candidate; earlier effects gained `gained`."""

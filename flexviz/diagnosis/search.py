@@ -326,7 +326,7 @@ class Search:
 
     def restarted(self, fit: Fit, best: RefittedCandidate, gained: Gained) -> Fit | None:
         """The present model from the best candidate's values, if it fits as well without the effect."""
-        if excess(fit) < LIMITS.far_off:
+        if not self.restart.advisable(fit, best):
             return None
         self.say(stages.NEED)
         return self.restart.of(fit, best, gained)

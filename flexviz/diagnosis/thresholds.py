@@ -74,6 +74,7 @@ class SearchThresholds:
     explained_floor: float = 0.05
     noise_reached: float = 0.15  # excess below which no other start is tried
     far_off: float = 5.0  # excess above which candidates are also refitted from a plain fit
+    more_than_its_size: float = 10.0  # gain per square of an effect's size [standard errors] that is doubted
     hidden_excess: float = 0.5  # excess above which effects with a low score are also tried
     # the same, on one joint, where nothing else is found, or what is found leaves as much: models of sets
     # without effects and reversals leave at most 0.07 in the study with seed 89
