@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from flexviz.diagnosis import restart
 from flexviz.diagnosis.candidates import ModelStart, with_effect
 from flexviz.diagnosis.comparison import unscored
 from flexviz.diagnosis.fit_context import Fit
@@ -55,3 +58,18 @@ def test_the_best_refit_of_each_effect_is_evaluated_in_this_process(demo: Measur
         assert alone.fit.objective == 30.0 and evaluated == [2.0, 4.0]  # it was made in this process
         found = best_refits(trials, refit, evaluate, most=5.0)
     assert [r.effect for r in found] == [spring]
+
+
+@pytest.mark.parametrize(
+    ("left", "gain", "doubted"), [(0.3, 89.0, False), (0.3, 91.0, True), (6.0, 1.0, True)]
+)
+def test_a_gain_beyond_an_effects_size_is_doubted(
+    monkeypatch: pytest.MonkeyPatch, left: float, gain: float, doubted: bool
+) -> None:
+    """Of an effect three standard errors from zero, near the noise; far from it, any."""
+    monkeypatch.setattr(restart, "excess", lambda fit: fit.left)
+    monkeypatch.setattr(restart, "size_in_errors", lambda *_: 3.0)
+    present: Any = SimpleNamespace(objective=1000.0, left=left)
+    best: Any = SimpleNamespace(fit=SimpleNamespace(objective=1000.0 - gain), effect=None)
+    nothing: Any = None
+    assert restart.Restart(nothing, nothing).advisable(present, best) == doubted
