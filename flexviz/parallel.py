@@ -72,9 +72,11 @@ def stopped_by(should_stop: StopCallback) -> Iterator[None]:
 
 @contextlib.contextmanager
 def existing_objects_kept() -> Iterator[None]:
-    """Search only objects made in this context for garbage, the last time at its end.
+    """Search only objects made in this context for garbage; at its end return what it leaves to the system.
 
-    There are tens of thousands of others, most of imported modules; forked copies would also copy them.
+    There are tens of thousands of others, most of imported modules; forked copies would also copy them. What
+    is left in cycles takes tens of megabytes, and glibc keeps what lies below a block in use: 18 diagnoses of
+    different two-joint sets in one process ended with 735 MB instead of 175 MB.
     """
     own = gc.get_freeze_count() == 0  # else the caller's, which stay as they are
     if own:
@@ -83,8 +85,16 @@ def existing_objects_kept() -> Iterator[None]:
         yield
     finally:
         if own:
-            gc.collect()  # now it is cheap; what a diagnosis leaves in cycles takes tens of megabytes
+            gc.collect()  # while it is cheap
             gc.unfreeze()
+            _return_freed()
+
+
+def _return_freed() -> None:
+    """Return freed memory to the system, where the C library can."""
+    trim = getattr(_libc, "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 class Background(Generic[Result]):

@@ -116,7 +116,7 @@ class Pace:
         guess: expected duration [s].
         first: duration of the whole relative to the first stage.
         least: time that is expected to the end at any stage, relative to the longest stage so far.
-        late: text of a late stage -> share that is done when it begins.
+        known: text of a stage -> share that is done when it begins.
         clock: the time [s].
     """
 
@@ -125,10 +125,10 @@ class Pace:
         guess: float,
         first: float,
         least: float,
-        late: Mapping[str, float],
+        known: Mapping[str, float],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._total, self._first, self._least, self._late, self._clock = guess, first, least, late, clock
+        self._total, self._first, self._least, self._known, self._clock = guess, first, least, known, clock
         self._began, self._share, self._stages = clock(), 0.0, 0
         self._last, self._longest = 0.0, 0.0  # [s] beginning of the latest stage, and the longest one
 
@@ -141,8 +141,8 @@ class Pace:
         if self._stages == 2:
             self._total = self._first * self._longest
         self._last = elapsed
-        if text in self._late:
-            self._total = elapsed / self._late[text]
+        if text in self._known:
+            self._total = elapsed / self._known[text]
         else:
             self._total = max(self._total, elapsed + self._least * self._longest)
         self._share = max(self._share, min(elapsed / self._total, 1.0)) if self._total > 0 else 0.0

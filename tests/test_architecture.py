@@ -34,7 +34,6 @@ LAYERS = (
         "fourier",
         "jobs",
         "parallel",
-        "memory",
         "recent",
         "schemas",
         "toml",

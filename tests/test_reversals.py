@@ -73,6 +73,13 @@ def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
 
 
 def test_impacts_of_a_large_backlash_leave_only_noise(tmp_path: Path) -> None:
+    found = diagnose(simulated(tmp_path, LARGE, 109), apply=True)
+    first = found.findings[0]
+    assert (first.effect, first.joint) == ("backlash", "joint2") and first.confidence > 0.9
+    assert found.steps[-1].verdict == "nothing-missing"
+
+
+def test_impacts_of_a_large_backlash_need_products_before_the_filter(tmp_path: Path) -> None:
     measurements = simulated(tmp_path, LARGE, 109)
     effects = ["backlash:joint2"]
     layout = layout_of(measurements, effects)

@@ -106,7 +106,7 @@ class ForwardSearch:
             if self.steps and exhausted(fit, gained):
                 break
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
-            if number == 0 and not self.steps:
+            if not self.steps:
                 lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
                 self.tried = [r.reported(self.context.covariance(r.fit)) for r in lower]
             best = self.search.acceptable(fit, compared.refitted, gained)
@@ -114,7 +114,6 @@ class ForwardSearch:
                 break
             if (again := self.search.restarted(fit, best, gained)) is not None:
                 self.replace_final(again)
-                self.tried = []  # beside a worse fit
                 continue
             self.steps.append(SearchStep(fit, best, compared.objectives, scores.shortened()))
             self.fitted(best.fit)

@@ -32,7 +32,6 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.memory import return_freed
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
@@ -79,8 +78,7 @@ def diagnose(
             result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
         if progress is not None and not result.stopped:
             progress(pipeline.pace.done())
-        del pipeline
-    return_freed()
+        del pipeline  # before what it leaves is collected
     return result
 
 

@@ -15,7 +15,7 @@ FREE_CURVE = "adding a free curve"
 LOCATION = "locating the residual"
 BANDWIDTH = "checking parameters against the observer's bandwidth"
 
-LATE_STAGES = {
+SHARES = {
     USUAL: 0.08, ONE: 0.15, FIRST_MOVEMENT: 0.68, STAIRS: 0.73, NEED: 0.75, PLACE: 0.6, FINAL_REFIT: 0.9,
     FREE_CURVE: 0.92, LOCATION: 0.93, BANDWIDTH: 0.95,
 }  # fmt: skip
@@ -28,4 +28,4 @@ SECONDS_PER_SIZE = 3.0  # first guess: times joints^1.6, the samples hardly matt
 
 def pace(joints: int) -> Pace:
     """The pace of a diagnosis."""
-    return Pace(SECONDS_PER_SIZE * joints**1.6, FIRST_STAGE, LEAST_REST, LATE_STAGES)
+    return Pace(SECONDS_PER_SIZE * joints**1.6, FIRST_STAGE, LEAST_REST, SHARES)

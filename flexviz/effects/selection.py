@@ -117,8 +117,8 @@ def _places(
             meant = choose_from(where, payloads)
             raise InputError(f'effect "{text}": payload "{where}" is not carried in the set; {meant}')
         return [ChosenEffect(name, payload=p) for p in payloads if where in ("", p)]
-    if where not in joints and where.partition("@")[0] in joints:
-        joint = where.partition("@")[0]
+    joint = where.partition("@")[0]
+    if where not in joints and joint in joints:
         raise InputError(f'effect "{text}" acts in every group of the set; write "{name}:{joint}"')
     if where and where not in joints:
         raise InputError(f'effect "{text}": joint "{where}" is not in the set; {choose_from(where, joints)}')
