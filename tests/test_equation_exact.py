@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from flexviz.effects import EFFECTS, LawEffect, LinearEffect
+from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, LinearEffect
 from flexviz.equation import Equation, Layout, build_signals, pulses, reversal_nuisance
 from flexviz.equation import fine_signals as module
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
 from flexviz.equation.fine_signals import FineBands, FineSignals, torque_band
-from flexviz.equation.reversal_nuisance import _jumps, undecided
+from flexviz.equation.reversal_nuisance import _jumps, parts_of, undecided
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.robot import Robot
 from tests.test_equation import made_up_set, point
@@ -83,6 +83,7 @@ def test_parts_of_a_record_have_the_pulses_that_reach_them(
     start = equation.signals.time[0]
     times, sizes = start + np.arange(0.0, 3.2, 0.01), 1.0 + np.arange(320) % 5
     monkeypatch.setattr(reversal_nuisance, "undecided", lambda *_: (times, sizes))
+    monkeypatch.setattr(reversal_nuisance, "MOST", 2 * len(times))
     whole = {one.block: one for one in pulses(point, x, point.link_terms(x))}
     for name, value in limits.items():
         monkeypatch.setattr(reversal_nuisance, name, value)
@@ -111,6 +112,22 @@ def test_parts_of_a_record_have_the_pulses_that_reach_them(
                 np.testing.assert_allclose(one.dense(joint), own, rtol=1e-9)
         last = max((p.rows.start for p in found if p.block == index), default=0)
         assert last == 0 or time[last] < times[-1] + 0.4  # none where no pulse reaches
+
+
+@pytest.mark.parametrize(("stiffness", "starts"), [(40.0, 1), (4.0, 2), (4e-4, 3)])
+def test_a_state_is_unknown_as_long_as_it_lasts(
+    monkeypatch: pytest.MonkeyPatch, stiffness: float, starts: int
+) -> None:
+    """Of a long stretch taken apart, those parts have a column that it reaches before motion wipes it out."""
+    plain, x = at_the_truth({}, 8.0, 0.8)
+    layout = Layout(plain.layout.joints, (ChosenEffect("presliding_hysteresis", 0),))
+    equation, x = Equation(plain.robot, plain.signals, layout), np.r_[x, stiffness, 2.0]
+    monkeypatch.setattr(reversal_nuisance, "LONGEST", 3.0)
+    monkeypatch.setattr(reversal_nuisance, "PART", 2.0)
+    monkeypatch.setattr(reversal_nuisance, "undecided", lambda *_: (np.zeros(0), np.zeros(0)))
+    found = pulses(equation.at(x), x, equation.at(x).link_terms(x))
+    parts = [parts_of(plain.signals.time[block.rows])[:starts] for block in plain.signals.blocks]
+    assert [(p.block, p.rows, p.count) for p in found] == [(k, p, 1) for k in range(3) for p in parts[k]]
 
 
 def own_friction(equation: Equation, x: np.ndarray, motion: Any, joint: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from benchmarks.diagnosis_study.making import case_folder, make, truth_file
 from flexviz import diagnose
 from flexviz.diagnosis.elimination import eliminate
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
@@ -83,6 +85,20 @@ def test_elimination_keeps_what_is_hidden_and_drops_what_is_not(context):
     # the closed form lands where a fit does
     coulomb = result.x[layout.effect_slice(hidden)][0]
     assert again.x[smaller.effect_slice(hidden)][0] == pytest.approx(coulomb, rel=2e-3)
+
+
+def test_the_error_that_is_stated_is_that_of_the_groups_it_names(context):
+    """Also without the standstill of a joint; evaluated without the other groups."""
+    measurements = context.measurements
+    fit = context.fit(Layout(measurements.joints), context.start(Layout(measurements.joints)).x, iterations=1)
+    for held_out in (True, False):
+        groups = measurements.groups if held_out else measurements.fit_groups
+        band = PredictionErrorBand(replace(measurements, groups=groups))
+        assert band.stated == ("validation" if held_out else "fit")
+        for first in (None, np.array([Phase.MOTION, Phase.REST], np.int8)):
+            every = band.errors(fit, first)
+            expected = every.rms_validation if held_out else every.rms
+            assert band.stated_rms(fit, first) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import credible
-from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, raw_step, sizes
+from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, sizes
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
@@ -93,9 +92,17 @@ class ModelFamily:
         self.context, self.own, self.say = context, own, say
         self.curves: tuple[ChosenEffect, ...] = ()
 
-    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
+    def fit(
+        self,
+        layout: Layout,
+        x: Array,
+        iterations: int = MAX_ITERATIONS,
+        hopeless: Callable[[MotionFit, float], bool] = lambda fit, more: False,
+    ) -> MotionFit:
         """A model fitted from x, shape (P,)."""
-        return self.context.fit(layout, x, iterations=iterations, check=lambda: self.say(""))
+        return self.context.fit(
+            layout, x, iterations=iterations, check=lambda: self.say(""), hopeless=hopeless
+        )
 
     @property
     def firm(self) -> frozenset[ChosenEffect]:
@@ -224,103 +231,6 @@ class ModelFamily:
         layout = Layout(self.own.joints, (*self.own.effects, *rich.curves))
         fit = self.fit(layout, layout.vector(rich.fit.layout.model(rich.fit.x)))
         return RichModel(fit, necessities(fit), rich.curves)
-
-    # -- alternatives to effects that it has
-
-    def refined(
-        self,
-        fit: MotionFit,
-        needed: dict[ChosenEffect, Necessity],
-        joints: Collection[int | None] | None = None,
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with effects replaced by an alternative on the joints where that helps clearly.
-
-        All joints, or all of `joints`, at once: the score of one alternative says little, because its law is
-        far from linear.
-        """
-        ratio = fit.rms / self.context.noise_floor
-        for name, law in EFFECTS.items():
-            loud = ratio > (LIMITS.far_off if law.hidden_state else LIMITS.quiet)
-            for curve in self.curves:  # what is left is the curve's own error
-                loud[curve.place.own_joint] &= ratio[curve.place.own_joint] > LIMITS.far_off
-            swaps = {
-                e: ChosenEffect(name, e.joint)
-                for e in fit.layout.effects
-                if e.effect in (law.replaces, law.instead_of)
-                and e.joint is not None
-                and loud[e.joint]
-                and (joints is None or e.joint in joints)
-                and e not in self.own.effects
-            }
-            if any(EFFECTS[e.effect].offset_parameter for e in swaps):
-                merged = self.with_offsets_merged(fit)
-                # an offset of the motor torque does not load the transmission, a spring's preload does
-                if merged.objective < fit.objective - LIMITS.likelier:
-                    fit, needed = merged, necessities(merged)
-                    swaps = {e: swap for e, swap in swaps.items() if e in fit.layout.effects}
-            if swaps:
-                fit, needed = self.better_of(fit, needed, swaps)
-        return fit, needed
-
-    def better_of(
-        self,
-        fit: MotionFit,
-        needed: dict[ChosenEffect, Necessity],
-        swaps: Mapping[ChosenEffect, ChosenEffect],
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with those swaps that clearly lower the residual of their joint.
-
-        A law with a hidden state, which can fit more, has to lower the held-out residual, too.
-        """
-        self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
-        trial = self.swapped(fit, fit, swaps)
-        held_out = (trial.held_out_rms() / fit.held_out_rms()) ** 2
-        fitted = (trial.sigma / fit.sigma) ** 2
-        simple = fitted < 1 - LIMITS.swapped_share
-        hidden = np.maximum(held_out, fitted) < 1 - LIMITS.replaced_share
-        better = {
-            e: swap
-            for e, swap in swaps.items()
-            if (hidden if EFFECTS[swap.effect].hidden_state else simple)[e.joint]
-            and credible(trial, swap, raw_step(trial))
-        }
-        if not better:
-            return fit, needed
-        return self.thinned(trial if len(better) == len(swaps) else self.swapped(fit, trial, better))
-
-    def swapped(
-        self, fit: MotionFit, values: MotionFit, swaps: Mapping[ChosenEffect, ChosenEffect]
-    ) -> MotionFit:
-        """The model with effects swapped, from the values of a model that may have the new ones."""
-        springs = {e.joint for e in swaps if EFFECTS[e.effect].offset_parameter}
-        offsets = self.offsets_of_springs(fit.layout) - set(self.own.effects)
-        gone = {offset.joint: offset for offset in offsets if offset.joint in springs}
-        kept = (e for e in fit.layout.effects if e not in gone.values())
-        layout = Layout(fit.layout.joints, tuple(swaps.get(e, e) for e in kept))
-        x = layout.vector(values.layout.model(values.x))
-        for old, new in swaps.items():
-            if new not in values.layout.effects:
-                start = fit.x[fit.layout.effect_slice(old)]
-                if old.joint in gone:
-                    torque = float(fit.x[fit.layout.effect_slice(gone[old.joint]).start])
-                    start = EFFECTS[old.effect].with_constant(start, torque)
-                x[layout.effect_slice(new)] = EFFECTS[new.effect].refining(start)
-        for effect, where in layout.effect_slices():
-            if effect in fit.layout.effects and effect not in values.layout.effects:
-                x[where] = fit.x[fit.layout.effect_slice(effect)]
-        return self.better_start(layout, x)
-
-    def better_start(self, layout: Layout, x: Array) -> MotionFit:
-        """The better of two fits: from x, and with all but the effects where an identification starts.
-
-        While an effect is missing, other parameters stand in for it at values from which a fit may not
-        return.
-        """
-        afresh = self.context.start(layout).x.copy()
-        afresh[layout.effect_start :] = x[layout.effect_start :]
-
-        fits = self.on_all_cores(lambda start: self.fit(layout, start), (x, afresh))
-        return min(fits, key=lambda fit: fit.objective)
 
     def on_all_cores(self, fit: Callable[[Item], MotionFit], items: Sequence[Item]) -> Iterator[MotionFit]:
         """Independent fits, one for each item; on one core only as far as they are asked for."""

@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.motion
 HERTZ = 7.0  # band of the motion
 MAX_ITERATIONS = 25
+FAIR_STEPS = 5  # before a fit may count as hopeless
 MAX_SAMPLES = 4000  # of a long record, before they become sparser than a short one's
 MAX_HALVINGS = 6
 
@@ -279,6 +280,7 @@ class MotionContext:
         *,
         iterations: int = MAX_ITERATIONS,
         check: Callable[[], None] = lambda: None,
+        hopeless: Callable[[MotionFit, float], bool] = lambda fit, more: False,
     ) -> MotionFit:
         """Gauss–Newton with weights from the residual, which are renewed at every step.
 
@@ -287,6 +289,8 @@ class MotionContext:
             x: start, shape (P,).
             iterations: maximum number of steps.
             check: called before each step; may raise to stop.
+            hopeless: asked after `FAIR_STEPS`, with the fit on its way and what it still gains if every step
+                that is left gains as much as the last; True ends the fit.
         """
         start, equation = self.start(layout), self.equation(layout)
         prior, bounds = start.prior, start.bounds
@@ -296,8 +300,8 @@ class MotionContext:
             check()
             point = equation.at(x, point)
             fit = self._weighted(x, point, prior)
-            settled = abs(before - fit.objective) < LIMITS.settled_objective
-            before = fit.objective
+            gained, before = before - fit.objective, fit.objective
+            settled = abs(gained) < LIMITS.settled_objective
             residual, jacobian = fit.whitened
             gradient, hessian = prior.gradient_and_hessian(x)
             gradient = gradient + jacobian.reshape(-1, layout.size).T @ residual.ravel()
@@ -306,6 +310,8 @@ class MotionContext:
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             fit.at_bound[:] = at_bound
             if settled or length < LIMITS.negligible_step or iteration == iterations:
+                break
+            if iteration >= FAIR_STEPS and hopeless(fit, max(gained, 0.0) * (iterations - iteration)):
                 break
             after = self._along(fit, step, prior, bounds)
             if after is None:

@@ -14,7 +14,7 @@ from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import Phases, phases
 from flexviz.equation import Equation, Layout, OperatingPoint, build_signals, layout_of
 from flexviz.estimation import residual_noise
-from flexviz.measurements import MeasurementSet
+from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
@@ -46,18 +46,21 @@ class PredictionErrors:
 
 
 class PredictionErrorBand:
-    """Signals of all groups in the display band.
+    """Signals in the display band.
+
+    Args:
+        measurements: the set.
+        groups: of it; default: all.
 
     Attributes:
         stated: which error is stated: that of the validation groups, if there are any.
     """
 
-    def __init__(self, measurements: MeasurementSet) -> None:
+    def __init__(self, measurements: MeasurementSet, groups: Sequence[Group] | None = None) -> None:
         self.measurements = measurements
         observer = FlatZeroPhase(2 * np.pi * BAND_HERTZ)
-        made = build_signals(measurements, measurements.groups, observer, longest_edge=LONGEST_EDGE)
+        made = build_signals(measurements, groups or measurements.groups, observer, longest_edge=LONGEST_EDGE)
         self.signals = replace(made, sharp=True)
-        self.noise = segments_noise([b.segment for b in self.signals.blocks])
         self._shared: dict[object, Any] = {}
         self.rows = {
             group.name: np.concatenate(
@@ -68,6 +71,17 @@ class PredictionErrorBand:
         }
         held_out = any(g.validation and len(self.rows[g.name]) for g in self.signals.groups)
         self.stated = "validation" if held_out else "fit"
+
+    @cached_property
+    def noise(self) -> tuple[Array, Array]:
+        """Of θ [rad] and τ [Nm], shape (n,) each."""
+        return segments_noise([b.segment for b in self.signals.blocks])
+
+    @cached_property
+    def _only_stated(self) -> PredictionErrorBand:
+        """The groups whose error is stated."""
+        stated = (g for g in self.signals.groups if g.validation == (self.stated == "validation"))
+        return PredictionErrorBand(self.measurements, [g for g in stated if len(self.rows[g.name])])
 
     @cached_property
     def phases(self) -> Phases:
@@ -87,10 +101,8 @@ class PredictionErrorBand:
         return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
 
     def stated_rms(self, fit: Fitted, first_phase: Phases | None = None) -> tuple[float, ...]:
-        """The stated one of `errors`, per joint [Nm], without the noise floor, which costs most."""
-        _, residual, used = self._residual(fit, first_phase)
-        fitted, held_out = self._rms(residual, used)
-        return held_out or fitted
+        """The stated one of `errors`, per joint [Nm], without evaluating any other."""
+        return _rms(*self._only_stated._residual(fit, first_phase)[1:])
 
     def _residual(
         self, fit: Fitted, first_phase: Phases | None

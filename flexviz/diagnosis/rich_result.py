@@ -82,8 +82,9 @@ def staircase(
         fit = context.fit(layout, start, iterations=LIMITS.stair_iterations)
         return Stair.of(added[count], fit, band)
 
-    done, stairs = alongside(own_work, stair, range(len(ordered)))
-    return done, [*stairs, Stair.of(added[-1], rich.fit, band, rich.curves)]
+    # the largest models, which take longest, first
+    done, stairs = alongside(own_work, stair, range(len(ordered))[::-1])
+    return done, [*stairs[::-1], Stair.of(added[-1], rich.fit, band, rich.curves)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.after_rest import AfterRest
 from flexviz.diagnosis.candidates import NearNoise, is_episode, without_effect
 from flexviz.diagnosis.elimination import Necessity, necessities
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.so_far import Standing
+from flexviz.diagnosis.swapped_laws import SwappedLaws
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.motion
 
 
-class RichSearch(AfterRest):
+class RichSearch(SwappedLaws):
     """A search on one set.
 
     Args:
@@ -243,32 +243,6 @@ class RichSearch(AfterRest):
             return None
         self._refused |= effects - kept
         return larger, necessities(larger)
-
-    def with_original_laws(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with alternative laws replaced by the original ones, unless that is clearly worse.
-
-        The alternative may have won only because something else was missing.
-        """
-        for effect in [e for e in fit.layout.effects if e not in self.own.effects]:
-            original, joint = EFFECTS[effect.effect].instead_of, effect.joint
-            if not original or joint is None or effect not in fit.layout.effects:
-                continue
-            self.say(f"trying: {EFFECTS[original].title}")
-            start = without_effect(fit.layout, fit.x, effect)
-            if ChosenEffect(original, joint) in start.layout.effects:
-                continue  # beside each other they are not alternatives
-            without = self.fit(start.layout, start.x, iterations=0)
-            if not (turned := self.scored(without, [ChosenEffect(original, joint)])):
-                continue
-            trial = self.with_candidates(without, turned)
-            trial = min(trial, self.with_offsets_merged(trial), key=lambda each: each.sigma[joint])
-            if (1 - LIMITS.swapped_share) * trial.sigma[joint] ** 2 < fit.sigma[joint] ** 2:
-                thinner, kept = self.with_rest_angles(*self.thinned(trial))
-                if ChosenEffect(original, joint) in kept and not self.worse_joints(fit, thinner):
-                    fit, needed = thinner, kept
-        return fit, needed
 
     def without_superfluous_curves(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]

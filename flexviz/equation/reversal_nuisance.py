@@ -3,10 +3,10 @@
 For some milliseconds around a zero crossing of velocity or torque, the friction torque depends on noise and
 on details of the reversal and is unknown. Each such interval is described by pulses of unknown size, which
 cost a few samples per reversal instead of biasing the fit. The initial state of a law with memory is treated
-likewise (`LawEffect.unknown`).
+likewise (`LawEffect.unknown`), as long as it lasts.
 
-A stretch that is long or has very many pulses is taken apart: all of them together would take memory with the
-square and time with the cube of their number. A pulse near the border of two parts is unknown in both.
+A stretch that is long or has many pulses is taken apart: all of them together would take memory with the
+square and time with the cube of their number. What matters on both sides of a border is unknown in both.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ TOGETHER = 0.3  # [s]
 MOST_TOGETHER = 12
 LONGEST = 30.0  # [s] longer stretches are taken apart
 PART = 10.0  # [s] about the length of a part
-MOST = 1500  # pulses of a part
+MOST = 500  # pulses of a part
 LEAD = 1.0  # [s] before a part, for whitening, which looks back
+FADED = 1e-3  # share of an unknown initial state that no longer matters
 BORDER = 0.4  # [s] beyond a part, from where a filtered pulse still matters
 
 
@@ -187,6 +188,8 @@ def _of_stretch(
             columns = part_of(seen).columns(law.entry, joint, u, bends)
         return PulseGroup(seen.start, columns)
 
+    states = [one[None] for one in unknown.begun]
+    begun = [context.filtered_block(index, one, joint, law.depth) for one in states]
     for rows in parts_of(time, count):
         begin, first, last = 0, 0, len(times)
         if rows.stop - rows.start < len(time):
@@ -195,9 +198,11 @@ def _of_stretch(
             last = int(np.searchsorted(times, time[rows.stop - 1] + BORDER))
         inside = slice(begin, rows.stop)
         groups = [group(inside, chosen) for chosen in _together(times, first, last)]
-        if rows.start == 0 and len(unknown.begun):
-            state = context.filtered_block(index, unknown.begun, joint, law.depth)[:, :, inside]
-            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, state, state)))
+        for state in begun:
+            if np.abs(state[:, :, rows]).max() < FADED * np.abs(state).max():
+                continue
+            here = state[:, :, inside]
+            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, here, here)))
         if groups:
             yield Pulses(index, rows, tuple(groups))
 
