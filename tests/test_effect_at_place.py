@@ -49,8 +49,8 @@ def test_backlash_is_found_from_parameters_that_nothing_biases(tmp_path: Path) -
     fit = step.after
     assert fit.x[step.before.layout.size] == pytest.approx(HALF_WIDTH, rel=0.05)
     assert excess(fit) < 0.5
-    # all candidates of that joint were scored, and no others
-    assert step.scores is not None and {s.effect.joint for s in step.scores.ranked} == {1}
+    # all candidates that act on that joint were scored, and no others
+    assert step.scores is not None and {s.effect.joint for s in step.scores.ranked} == {1, None}
 
 
 def test_a_contact_is_found_there(tmp_path: Path) -> None:
@@ -60,6 +60,22 @@ def test_a_contact_is_found_there(tmp_path: Path) -> None:
     assert step.chosen.effect == ChosenEffect("external_contact", 1, "t1p1")
     assert step.after.x[-3:] == pytest.approx([8.0, 2.2, 3.1], rel=0.002)
     assert excess(step.after) < 0.5
+
+
+def test_an_effect_of_the_whole_robot_may_seem_to_act_at_one_place(tmp_path: Path) -> None:
+    """Beside an arbitrary torque in the transmission of joint 1, wrong masses leave hardly anything."""
+    hidden = ("payload_error:p2:relative_mass_error=0.04",)
+    measurements = planar_set(tmp_path / "set", hidden, 7, groups=HELD_OUT)
+    layout = Layout(measurements.joints)
+    context = FitContext(measurements, layout)
+    base = context.fit(layout, context.start(layout).x)
+    right = Layout(layout.joints, (ChosenEffect("payload_error", None, payload="p2"),))
+    beside = context.fit(right, right.vector(layout.model(base.x))).x[: layout.size]
+    place = UnknownPlace(UnknownInput(0, "transmission", 1.0), layout, beside, True, 0.5, True)
+    assert place.entry(excess(base)) == "deflection"
+    (step,) = effects_at_place(Search(context, lambda text: None), base, place)
+    assert step.chosen.effect == right.effects[0] and excess(step.after) < 0.5
+    assert step.after.x[-1] == pytest.approx(0.04, rel=0.02)
 
 
 def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from flexviz.effects import (
     choose_effects,
 )
 from flexviz.effects.base_tilt import BaseTilt
+from flexviz.effects.elastic_joint import hardened
 from flexviz.effects.trial import TrialMotion
 from flexviz.errors import InputError
 from flexviz.model import EffectValue
@@ -262,7 +263,7 @@ def test_a_gap_that_the_compliance_has_absorbed() -> None:
     backlash, s = EFFECTS["backlash"], MOTION.torque.at(MOTION.time, 1)[0]
     c, b = 1e-3, 0.012
     fitted = float((c * s + b * np.sign(s)) @ s / (s @ s))
-    own = ("backlash", "load_dependent_friction")
+    own = ("backlash", "load_dependent_friction", "stiffness_hardening")
     starts = backlash.hidden_starts(s, fitted, c)
     assert starts[-1].values == pytest.approx((b,)) and starts[-1].compliance == pytest.approx(c)
     shares = [start.values[0] / (fitted * rms(s)) for start in starts[:-1]]
@@ -275,6 +276,17 @@ def test_a_gap_that_the_compliance_has_absorbed() -> None:
     stiffer = backlash.hidden_starts(s, c, 2 * c)  # a joint stiffer than the rough value has absorbed none
     assert len(stiffer) == len(starts) - 1 and all(start.values[0] > 0 for start in stiffer)
     assert all(not e.hidden_starts(s, fitted, c) for e in EFFECTS.values() if e.name not in own)
+
+
+def test_a_cubic_stiffness_that_the_compliance_has_absorbed() -> None:
+    """At the rms torque the joint deflects as it does with the fitted compliance alone."""
+    s, fitted = MOTION.torque.at(MOTION.time, 1)[0], 1e-3
+    shares = []
+    for start in EFFECTS["stiffness_hardening"].hidden_starts(s, fitted, 0.5 * fitted):
+        deflection = hardened(np.array([rms(s)]), 1 / start.compliance, start.values[0])[0]
+        assert deflection == pytest.approx(fitted * rms(s), rel=1e-6)
+        shares.append(start.values[0] * deflection**3 / rms(s))
+    assert shares == sorted(shares) and 0.1 < shares[0] < 0.4 and 0.5 < shares[-1] < 0.9
 
 
 def test_one_effect_starts_from_another() -> None:

@@ -2,8 +2,8 @@
 
 A fit without an effect may end so far from the truth that no effect is found from there: a stiffness that has
 run away hides backlash. Beside an arbitrary torque at its place (`unknown_place`) the parameters are not
-biased, and from them such an effect, or two that act there, explain nearly everything. What only resembles
-them leaves much more.
+biased, and from them such an effect, or two that act there, explain nearly everything; or one of the whole
+robot, whose torque is mostly that joint's. What only resembles them leaves much more.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> Sea
     joint, entry = place.unknown.joint, place.entry(excess(fit))
 
     def may_act(effect: ChosenEffect) -> bool:
-        return entry is None or EFFECTS[effect.effect].entry == entry
+        return entry is None or effect.joint is None or EFFECTS[effect.effect].entry == entry
 
     context = search.context
     scores = search.scores(fit, joint=joint)

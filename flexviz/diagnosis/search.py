@@ -83,7 +83,7 @@ class Search:
         episodes: bool = True,
         joint: int | None = None,
     ) -> CandidateScores:
-        """Scores of all candidates at a fit, or of those in `only`, or of those on a joint."""
+        """Scores of all candidates at a fit, or of those in `only`, or of those that act on a joint."""
         layout = fit.layout
         narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
         projection = self.context.projection(fit)
@@ -95,7 +95,7 @@ class Search:
         ranked = score_by_joint(
             narrow, self.context.chain(fit), wanted, weigh, projection, check=self.check,
             longest=LIMITS.longest_episode if episodes else None, without=layout.effects,
-            joints=None if joint is None else [joint],
+            joints=None if joint is None else [joint, None],
         )  # fmt: skip
         return CandidateScores(ranked, projection)
 

@@ -128,12 +128,9 @@ class SwappedLaws(AfterRest):
         afresh = self.context.start(layout).x.copy()
         afresh[layout.effect_start :] = x[layout.effect_start :]
 
-        def end(start: Array) -> tuple[float, Array]:
-            found = self.fit(layout, start, hopeless=hopeless)
-            return found.objective, found.x
-
-        _, best = min(shared(end, (x, afresh)), key=lambda found: found[0])
-        return self.fit(layout, best, iterations=0)
+        ends = shared(lambda start: self.fit(layout, start, hopeless=hopeless).x, (x, afresh))
+        # a fit keeps the unknown initial states of friction with memory from where it starts
+        return min((self.fit(layout, end, iterations=0) for end in ends), key=lambda fit: fit.objective)
 
     def with_original_laws(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import JointScale
+from flexviz.effects.effect import HiddenStart, JointScale
 from flexviz.effects.elastic_joint import gain, hardened, present, share_of, spring_at
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+
+START_SHARES = (0.3, 0.6)  # of the rms torque that the cubic term carries
 
 
 class StiffnessHardening(LawEffect):
@@ -39,6 +41,14 @@ class StiffnessHardening(LawEffect):
     def softness(self, values: Array, torque: Array, compliance: float) -> Array:
         cubic, stiffness = max(float(values[0]), 0.0), 1 / compliance
         return 1 / (1 + 3 * cubic / stiffness * np.square(hardened(torque, stiffness, cubic)))
+
+    def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
+        """Several shares of the torque for the cubic term, with a spring as stiff on average as fitted."""
+        size = float(np.sqrt(np.mean(np.square(torque))))
+        deflection = compliance * size
+        return [
+            HiddenStart((share * size / deflection**3,), compliance / (1 - share)) for share in START_SHARES
+        ]
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.2 * scale.stiffness / scale.deflection**2,)
