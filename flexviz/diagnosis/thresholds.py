@@ -145,8 +145,10 @@ class UnknownPlaceThresholds:
     # share of what the input leaves below which effects explain more than any torque there: two right ones
     # left 0.43 of it in the study with seed 109
     beyond: float = 0.5
-    # excess up to which effects that are not found beside the torque are also tried from the present model
+    # excess up to which fits beside the torque start from the present model, and effects that are not found
+    # beside it are also tried from there
     from_present: float = 30.0
+    idle_share: float = 0.5  # of that excess: a fit from there that leaves more after `iterations` ends
     imitations: int = 6  # most effects that a search backwards has put in place of one law of no library
     effects: int = 3  # effects of the library that are tried there; one is of use if ...
     # ... it explains this share of the excess: right ones at least 0.97 in the study with seed 79, those that

@@ -101,7 +101,8 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
     if n == 1:
         return None
     # far from the noise, the parameters of the fit are a worse start than those of a rigid robot
-    start = context.start(fit.layout).x
+    lacking = excess(fit)
+    start = fit.x if lacking < LIMITS.from_present else context.start(fit.layout).x
 
     def tried(unknown: UnknownInput, x: Array = start, iterations: int = LIMITS.iterations) -> _Trial:
         check()
@@ -113,20 +114,28 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
         left = excess(found)
         return _Trial(unknown, found.x, left if np.isfinite(left) else np.inf, found.converged)
 
+    def idle(trial: _Trial) -> bool:
+        """Whether its first steps from the fit explain so little that more of them would not explain all."""
+        return start is fit.x and trial.left > LIMITS.idle_share * lacking
+
     rms = np.sqrt(np.mean(context.two_band.narrow.signals.tau[0] ** 2, axis=0))
     joints = _loudest(context, fit) if n > LIMITS.joints else range(n)
     first = shared(tried, [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES])
     leaders = [_best(t for t in first if t.unknown.joint == j) for j in joints]
-    more = [(t.unknown, t.x) for t in first if not t.converged]
-    more += [(t.unknown, fit.x) for t in leaders if t.left > LIMITS.reached]
+    more = [(t.unknown, t.x) for t in first if not t.converged and not idle(t)]
+    if start is not fit.x:
+        more += [(t.unknown, fit.x) for t in leaders if t.left > LIMITS.reached]
     trials = [*first, *shared(lambda at: tried(*at, LIMITS.more_iterations), more)]
     best = _best(trials)
     least = LIMITS.lead * best.left + LIMITS.least_lead
-    if best.left > max(LIMITS.reached, LIMITS.left_share * excess(fit)):
+    if best.left > max(LIMITS.reached, LIMITS.left_share * lacking):
         return None
     if any(t.left < least for t in trials if t.unknown.joint != best.unknown.joint):
         return None
-    others = [t for t in trials if t.unknown.joint == best.unknown.joint and t.unknown != best.unknown]
+    sides = [UnknownInput(best.unknown.joint, side, best.unknown.deviation) for side in SIDES]
+    others = [_best(t for t in trials if t.unknown == side) for side in sides if side != best.unknown]
+    astray = [t.unknown for t in others if t.left > lacking]  # an input explains something at least
+    others += shared(lambda side: tried(side, best.x, LIMITS.more_iterations), astray)
     sure = all(t.left > least for t in others)
     return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left, best.converged)
 
