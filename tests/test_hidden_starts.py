@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.diagnosis import search as search_module
 from flexviz.diagnosis.candidates import ModelStart
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.hidden_starts import loudest
+from flexviz.diagnosis.hidden_starts import doubtful_joints, loudest
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
@@ -98,3 +99,38 @@ def test_near_the_noise_a_rival_may_be_close_at_the_present_model_only(
     compared = search.rivals(fit, leader, [friction])
     assert (friction.effect in {r.effect for r in compared.refitted}) == tried
     assert (friction.effect in compared.ruled_out) != tried
+
+
+@pytest.mark.parametrize(("times", "expected"), [(2.0, []), (8.0, [1, 0])])
+def test_hidden_effects_are_tried_where_an_effect_gains_far_more_than_it_scored(
+    times: float, expected: list[int], base: tuple[FitContext, Fit]
+) -> None:
+    """A transmission error of the wrist stood for the elbow's backlash, which scored nothing."""
+    _, fit = base
+    names = (("transmission_error", 1), ("base_tilt", None), ("cable_spring", 0), ("cable_spring", 1))
+    scored = [
+        ScoredCandidate(ChosenEffect(name, joint), 100.0, np.zeros(1), np.zeros(1)) for name, joint in names
+    ]
+    quiet = np.ones(2)
+    after = replace(fit, chi=quiet, chi_held_out=quiet, objective=fit.objective - times * 100.0)
+    assert doubtful_joints(fit, RefittedCandidate(scored[0], after), scored[1:]) == expected
+    loud = replace(after, chi=np.array([1.5, 1.0]), chi_held_out=np.array([1.5, 1.0]))
+    assert doubtful_joints(fit, RefittedCandidate(scored[0], loud), scored[1:]) == [0]
+
+
+@pytest.mark.parametrize(
+    ("effect", "lag", "wins"),
+    [("torque_offset", 40.0, False), ("transmission_error", 20.0, False), ("transmission_error", 40.0, True)],
+)
+def test_a_gap_that_is_hardly_crossed_needs_less_of_a_lead_over_more_parameters(
+    effect: str, lag: float, wins: bool, base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit_context, fit = base
+    monkeypatch.setattr(search_module, "only_an_offset", lambda _fit, e, _step: e.effect == "backlash")
+    tried = []
+    for name, more in (("backlash", 0.0), (effect, lag)):
+        chosen = ChosenEffect(name, 0)
+        layout = Layout(fit.layout.joints, (*fit.layout.effects, chosen))
+        found = replace(fit, layout=layout, x=np.zeros(layout.size), objective=100.0 + more)
+        tried.append(RefittedCandidate(ScoredCandidate(chosen, 1.0, np.zeros(1), np.zeros(1)), found))
+    assert (Search(fit_context, lambda _: None).simplest(tried) is tried[0]) == wins

@@ -6,10 +6,13 @@ does the same to friction that depends on the load.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from flexviz.diagnosis.acceptance import excess, largest_excess
 from flexviz.diagnosis.candidates import ModelStart, candidates, with_effect
-from flexviz.diagnosis.comparison import CandidateScores, unscored
+from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, unscored
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
@@ -22,6 +25,20 @@ def loudest(fit: Fit, most: int) -> list[int]:
     """The joints with the largest residuals, at most `most`."""
     count = np.count_nonzero(fit.chi > LIMITS.hidden_share * fit.chi.max())
     return np.argsort(-fit.chi)[: min(most, count)].tolist()
+
+
+def doubtful_joints(fit: Fit, leader: RefittedCandidate, close: Sequence[ScoredCandidate]) -> list[int]:
+    """Joints on which such an effect may explain what a leader explains, with the `close` candidates.
+
+    The one with the largest residual, if the leader leaves more than noise. If it gains far more than it
+    scored, the present model is biased, and scores mean little: the joints on which it and the others act.
+    """
+    if excess(leader.fit) > LIMITS.faint_excess or largest_excess(leader.fit) > LIMITS.faint_joint:
+        return loudest(leader.fit, 1)
+    if fit.objective - leader.fit.objective < LIMITS.understated * leader.scored.gain:
+        return []
+    joints = dict.fromkeys(s.effect.joint for s in (leader, *close) if s.effect.joint is not None)
+    return [*joints][: LIMITS.hidden_joints]
 
 
 def starts(context: FitContext, fit: Fit, scored: ScoredCandidate) -> list[ModelStart]:

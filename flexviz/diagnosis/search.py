@@ -15,7 +15,6 @@ from flexviz.diagnosis.acceptance import (
     credible,
     excess,
     held_to_be_zero,
-    largest_excess,
     needed_gain,
     only_an_offset,
     removed_share,
@@ -38,7 +37,7 @@ from flexviz.diagnosis.comparison import (
     optimistic_gain,
 )
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.hidden_starts import hidden_trials, loudest
+from flexviz.diagnosis.hidden_starts import doubtful_joints, hidden_trials, loudest
 from flexviz.diagnosis.refits import best_refits
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
@@ -271,8 +270,8 @@ class Search:
         if names := sorted({EFFECTS[s.effect.effect].title for s, _ in trials}):
             self.say(f"comparing with: {', '.join(names)}")
         out = best_refits(trials, refit, partial(self.fit_from, iterations=0, near=leader.fit))
-        if excess(leader.fit) > LIMITS.faint_excess or largest_excess(leader.fit) > LIMITS.faint_joint:
-            hidden = self.underrated(fit, loudest(leader.fit, 1), None)
+        if loud := doubtful_joints(fit, leader, close):
+            hidden = self.underrated(fit, loud, None)
             out += self.halving([r for r in hidden if r.effect != leader.effect])
         return Comparison(by_objective([leader, *out]), ruled_out)
 
@@ -316,7 +315,8 @@ class Search:
         best = possible[0]
         if only_an_offset(best.fit, best.effect, self.raw_step):
             others = [r for r in possible[1:] if not only_an_offset(r.fit, r.effect, self.raw_step)]
-            limit = best.fit.objective + ACCEPTANCE.offset_gain
+            more = others[0].fit.layout.size - best.fit.layout.size if others else 0
+            limit = best.fit.objective + ACCEPTANCE.offset_gain - ACCEPTANCE.nested_gain * max(more, 0)
             return others[0] if others and others[0].fit.objective < limit else best
         simpler = EFFECTS[best.effect.effect].replaces
         for r in possible[1:]:
