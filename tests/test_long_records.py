@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import motion_fit
+from flexviz.diagnosis import motion_fit, motion_samples
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.residuals import joint_residuals
@@ -82,7 +82,7 @@ def test_a_long_slow_record_has_about_as_many_samples_as_it_may(
         groups.append(replace(group, segments=slow))
     fitted = [s for g in groups if not g.validation for s in g.segments]
     raw = round(sum(float(np.ptp(s.time)) for s in fitted) / 0.01)
-    monkeypatch.setattr(motion_fit, "MAX_SAMPLES", int(raw * samples_wanted))
+    monkeypatch.setattr(motion_samples, "MAX_SAMPLES", int(raw * samples_wanted))
     monkeypatch.setattr(motion_fit, "HERTZ", 8.0)  # sampled every 16 ms if the record were short
     found = MotionContext(replace(measurements, groups=tuple(groups)), measurements.joints)
     assert {block.stride for block in found.signals.blocks} == {stride}

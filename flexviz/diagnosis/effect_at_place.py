@@ -122,7 +122,10 @@ def _damped(search: Search, refitted: RefittedCandidate) -> RefittedCandidate:
 
 
 def _leading(ranked: list[ScoredCandidate]) -> list[ScoredCandidate]:
-    """The candidates with the best scores, and an episode that is among them."""
-    lasting = [s for s in ranked if not is_episode(s.effect)][: THRESHOLDS.unknown_place.effects]
-    least = lasting[-1].gain if lasting else 0.0
-    return [*lasting, *[s for s in ranked if is_episode(s.effect) and s.gain > least][:1]]
+    """The joint's candidates with the best scores, and one of the whole robot and an episode among them."""
+    lasting = [s for s in ranked if not is_episode(s.effect)]
+    own = [s for s in lasting if s.effect.joint is not None][: THRESHOLDS.unknown_place.effects]
+    least = own[-1].gain if own else 0.0
+    others = [s for s in lasting if s.effect.joint is None and s.gain > least][:1]
+    episodes = [s for s in ranked if is_episode(s.effect) and s.gain > least][:1]
+    return [*sorted((*own, *others), key=lambda s: -s.gain), *episodes]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, sizes
-from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
+from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, Hopeless, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
 from flexviz.equation import Layout
@@ -97,7 +97,7 @@ class ModelFamily:
         layout: Layout,
         x: Array,
         iterations: int = MAX_ITERATIONS,
-        hopeless: Callable[[MotionFit, float], bool] = lambda fit, more: False,
+        hopeless: Hopeless | None = None,
     ) -> MotionFit:
         """A model fitted from x, shape (P,)."""
         return self.context.fit(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import Phase, Phases, louder, phases, robust_weights
+from flexviz.diagnosis.motion_samples import Phase, Phases, louder, phases, robust_weights, sample_step
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -42,7 +42,6 @@ LIMITS = THRESHOLDS.motion
 HERTZ = 7.0  # band of the motion
 MAX_ITERATIONS = 25
 FAIR_STEPS = 5  # before a fit may count as hopeless
-MAX_SAMPLES = 4000  # of a long record, before they become sparser than a short one's
 MAX_HALVINGS = 6
 
 
@@ -177,6 +176,9 @@ class MotionFit:
         return Chain(self.x[lay.compliance], self.x[lay.link_viscous], self.link)
 
 
+Hopeless = Callable[[MotionFit, float], bool]
+
+
 class MotionContext:
     """Signals of a set in the band of the motion, shared by all models.
 
@@ -206,13 +208,7 @@ class MotionContext:
 
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
         observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
-        # as dense as a short record needs, and no less than three samples per cycle of a long one
-        segments = [s for g in groups for s in g.segments]
-        duration, raw = sum(float(np.ptp(s.time)) for s in segments), max(s.step for s in segments)
-        step, shortest = duration / MAX_SAMPLES, 1 / (8 * HERTZ)
-        if step > shortest:  # of a slowly sampled record, rounded down it may be half of that
-            step = max(step, raw * np.rint(step / raw))
-        step = np.clip(step, shortest, 1 / (3 * HERTZ))
+        step = sample_step([s for g in groups for s in g.segments], HERTZ)
         edge = LIMITS.longest_edge
         return build_signals(
             self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge
@@ -280,7 +276,7 @@ class MotionContext:
         *,
         iterations: int = MAX_ITERATIONS,
         check: Callable[[], None] = lambda: None,
-        hopeless: Callable[[MotionFit, float], bool] = lambda fit, more: False,
+        hopeless: Hopeless | None = None,
     ) -> MotionFit:
         """Gauss–Newton with weights from the residual, which are renewed at every step.
 
@@ -311,7 +307,11 @@ class MotionContext:
             fit.at_bound[:] = at_bound
             if settled or length < LIMITS.negligible_step or iteration == iterations:
                 break
-            if iteration >= FAIR_STEPS and hopeless(fit, max(gained, 0.0) * (iterations - iteration)):
+            if (
+                hopeless
+                and iteration >= FAIR_STEPS
+                and hopeless(fit, max(gained, 0.0) * (iterations - iteration))
+            ):
                 break
             after = self._along(fit, step, prior, bounds)
             if after is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.after_rest import AfterRest
 from flexviz.diagnosis.candidates import without_effect
 from flexviz.diagnosis.elimination import Necessity, necessities, raw_step
-from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.motion_fit import Hopeless, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
@@ -96,7 +96,7 @@ class SwappedLaws(AfterRest):
         fit: MotionFit,
         values: MotionFit,
         swaps: Mapping[ChosenEffect, ChosenEffect],
-        hopeless: Callable[[MotionFit, float], bool] = lambda fit, more: False,
+        hopeless: Hopeless | None = None,
     ) -> MotionFit:
         """The model with effects swapped, from the values of a model that may have the new ones."""
         springs = {e.joint for e in swaps if EFFECTS[e.effect].offset_parameter}
@@ -117,9 +117,7 @@ class SwappedLaws(AfterRest):
                 x[where] = fit.x[fit.layout.effect_slice(effect)]
         return self.better_start(layout, x, hopeless)
 
-    def better_start(
-        self, layout: Layout, x: Array, hopeless: Callable[[MotionFit, float], bool]
-    ) -> MotionFit:
+    def better_start(self, layout: Layout, x: Array, hopeless: Hopeless | None) -> MotionFit:
         """The better of two fits: from x, and with all but the effects where an identification starts.
 
         While an effect is missing, other parameters stand in for it at values from which a fit may not
