@@ -8,7 +8,6 @@ robot, whose torque is mostly that joint's. What only resembles them leaves much
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import Gained, excess, removed_share, structured
-from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode, with_effect
+from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
 from flexviz.diagnosis.constancy import explained_by_drift
 from flexviz.diagnosis.fit_context import Fit
@@ -89,27 +88,23 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> Sea
             return found
         return min(found, search.afresh(at, LIMITS.short_refit), key=excess)
 
-    refitted = _leader_and_rivals(search, fit, [*tried.values()], refit) if ranked else []
-    if not refitted:
-        trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
+    trials = [(s, at) for s in tried.values() for at in starts(context, fit, s)]
+    if not trials:
+        return None
+    (leader, at), *more = trials
+    first = RefittedCandidate(leader, refit(at))
+    if ranked and search.explains_everything(fit, first.fit):
+        others = [s for s in tried.values() if s is not leader]
+        refitted = search.rivals(fit, search.converged(first), others).refitted
+    else:
         most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(fit)
         evaluate = partial(search.fit_from, iterations=0, near=fit)
-        refitted = search.halving(best_refits(trials, refit, evaluate, most))
+        useful = [first] if excess(first.fit) < most else []
+        refitted = search.halving([*useful, *best_refits(more, refit, evaluate, most)])
     chosen = search.acceptable(fit, refitted, gained)
     if chosen is not None and structured(chosen.fit, fit):
         chosen = _damped(search, chosen)
     return chosen and SearchStep(fit, chosen, Comparison(refitted).objectives, scores.shortened())
-
-
-def _leader_and_rivals(
-    search: Search, fit: Fit, tried: list[ScoredCandidate], refit: Callable[[ModelStart], Fit]
-) -> list[RefittedCandidate]:
-    """The candidate that scores best and those that come close to it; none unless it explains everything."""
-    leader, *others = tried
-    first = RefittedCandidate(leader, refit(with_effect(fit.layout, fit.x, leader.effect, leader.values)))
-    if not search.explains_everything(fit, first.fit):
-        return []
-    return search.rivals(fit, search.converged(first), others).refitted
 
 
 def _damped(search: Search, refitted: RefittedCandidate) -> RefittedCandidate:

@@ -80,8 +80,9 @@ class PredictionErrorBand:
     @cached_property
     def _only_stated(self) -> PredictionErrorBand:
         """The groups whose error is stated."""
-        stated = (g for g in self.signals.groups if g.validation == (self.stated == "validation"))
-        return PredictionErrorBand(self.measurements, [g for g in stated if len(self.rows[g.name])])
+        groups, held_out = self.signals.groups, self.stated == "validation"
+        stated = [g for g in groups if g.validation == held_out and len(self.rows[g.name])]
+        return self if len(stated) == len(groups) else PredictionErrorBand(self.measurements, stated)
 
     @cached_property
     def phases(self) -> Phases:

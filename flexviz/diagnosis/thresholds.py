@@ -89,11 +89,11 @@ class SearchThresholds:
     products_excess: float = 0.3
     products_most: float = 30.0  # ... and mean excess above which other errors count more
     hidden_removed: float = 0.3  # share of the excess that such an effect has to remove later in the search
+    hidden_joints: int = 2  # number of joints, by residual, on which they are tried ...
+    hidden_share: float = 0.01  # ... if their residual is this share of the largest
     # times the gain of its score that an effect gains where others may be hidden: right ones at most 2.2 in
     # the practice sets, one that stood for a backlash 5.9
     understated: float = 4.0
-    hidden_joints: int = 2  # number of joints, by residual, on which they are tried ...
-    hidden_share: float = 0.01  # ... if their residual is this share of the largest
     longest_episode: float = 0.6  # share of a group; a torque that acts longer is not an episode
     rival_deficit: float = 0.3  # share of the leader's gain by which a rival may lag to be continued
     first_iterations: int = 12  # iterations of the initial fit

@@ -100,9 +100,10 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
     n = fit.layout.n
     if n == 1:
         return None
-    # far from the noise, the parameters of the fit are a worse start than those of a rigid robot
     lacking = excess(fit)
-    start = fit.x if lacking < LIMITS.from_present else context.start(fit.layout).x
+    near_noise = lacking < LIMITS.from_present
+    # far from it, the parameters of the fit are a worse start than those of a rigid robot
+    start = fit.x if near_noise else context.start(fit.layout).x
 
     def tried(unknown: UnknownInput, x: Array = start, iterations: int = LIMITS.iterations) -> _Trial:
         check()
@@ -116,14 +117,14 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
 
     def idle(trial: _Trial) -> bool:
         """Whether its first steps from the fit explain so little that more of them would not explain all."""
-        return start is fit.x and trial.left > LIMITS.idle_share * lacking
+        return near_noise and trial.left > LIMITS.idle_share * lacking
 
     rms = np.sqrt(np.mean(context.two_band.narrow.signals.tau[0] ** 2, axis=0))
     joints = _loudest(context, fit) if n > LIMITS.joints else range(n)
     first = shared(tried, [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES])
     leaders = [_best(t for t in first if t.unknown.joint == j) for j in joints]
     more = [(t.unknown, t.x) for t in first if not t.converged and not idle(t)]
-    if start is not fit.x:
+    if not near_noise:
         more += [(t.unknown, fit.x) for t in leaders if t.left > LIMITS.reached]
     trials = [*first, *shared(lambda at: tried(*at, LIMITS.more_iterations), more)]
     best = _best(trials)

@@ -188,8 +188,9 @@ def _of_stretch(
             columns = part_of(seen).columns(law.entry, joint, u, bends)
         return PulseGroup(seen.start, columns)
 
-    states = [one[None] for one in unknown.begun]
-    begun = [context.filtered_block(index, one, joint, law.depth) for one in states]
+    begun = unknown.begun
+    if len(begun):
+        begun = context.filtered_block(index, begun, joint, law.depth)
     for rows in parts_of(time, count):
         begin, first, last = 0, 0, len(times)
         if rows.stop - rows.start < len(time):
@@ -198,11 +199,10 @@ def _of_stretch(
             last = int(np.searchsorted(times, time[rows.stop - 1] + BORDER))
         inside = slice(begin, rows.stop)
         groups = [group(inside, chosen) for chosen in _together(times, first, last)]
-        for state in begun:
-            if np.abs(state[:, :, rows]).max() < FADED * np.abs(state).max():
-                continue
-            here = state[:, :, inside]
-            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, here, here)))
+        lasting = [s[:, inside] for s in begun if np.abs(s[:, rows]).max() >= FADED * np.abs(s).max()]
+        if lasting:
+            state = np.array(lasting)
+            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, state, state)))
         if groups:
             yield Pulses(index, rows, tuple(groups))
 
