@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import search as search_module
+from flexviz.diagnosis.acceptance import Gained
 from flexviz.diagnosis.candidates import ModelStart
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -49,6 +50,32 @@ def test_elastic_effects_are_refitted_where_their_scores_mean_little(
     assert damping not in refitted and backlash in refitted
     assert {e.joint for e in refitted} == {0, 1}
     assert fitted.count(backlash) == 1 and fitted.count(ChosenEffect("backlash", 1)) > 1
+
+
+@pytest.mark.parametrize("last, tried", [(1.1, []), (1.4, [([6], False)]), (2.0, [([6], True)])])
+def test_one_joint_of_an_arm_that_stands_out_is_enough(
+    last: float,
+    tried: list[tuple[list[int], bool]],
+    base: tuple[FitContext, Fit],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Joint damping of a Panda's wrist left 1.4 of the noise's variance there and scored nothing.
+
+    The scores of other joints matter only where the mean is above the noise.
+    """
+    fit_context, fit = base
+    search = Search(fit_context, lambda _: None)
+    chi = np.array([1.0] * 6 + [last])
+    fit = replace(fit, chi=chi, chi_held_out=chi)
+    found = []
+
+    def recorded(_: Fit, loud: list[int], scores: CandidateScores | None) -> list[RefittedCandidate]:
+        found.append((loud, scores is not None))
+        return []
+
+    monkeypatch.setattr(search, "underrated", recorded)
+    search.refits(fit, CandidateScores([], fit_context.projection(fit)), Gained(0.0, np.zeros(7)))
+    assert found == tried
 
 
 HIDDEN = {"backlash", "stiffness_hardening", "joint_damping", "load_dependent_friction"}

@@ -258,7 +258,11 @@ def test_none_hides_nothing() -> None:
         ("stribeck_friction:joint1:velocity=0", "expected a positive number"),
         ("base_tilt:joint1", "belongs to no joint"),
         ("payload_error:p7", 'payload "p7" does not exist'),
+        ("payload_error:p1", 'payload "p1" has no mass, expected one that has'),
         ("external_contact:joint1:group=g7", 'group "g7" does not exist'),
+        ("external_contact:joint1:start=99,end=100", r"from 99 to 100 s, expected .* within the 12 s"),
+        ("external_contact:joint1:start=3,end=2", "from 3 to 2 s, expected a start before the end"),
+        ("external_contact:joint1:start=-2,end=-1", "from -2 to -1 s, expected"),
     ],
 )
 def test_bad_effect_options(effect: str, message: str) -> None:

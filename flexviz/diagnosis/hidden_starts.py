@@ -27,6 +27,11 @@ def loudest(fit: Fit, most: int) -> list[int]:
     return np.argsort(-fit.chi)[: min(most, count)].tolist()
 
 
+def stands_out(fit: Fit) -> bool:
+    """Whether a model leaves more than noise, in the mean or on one joint."""
+    return excess(fit) > LIMITS.faint_excess or largest_excess(fit) > LIMITS.faint_alone
+
+
 def doubtful_joints(fit: Fit, leader: RefittedCandidate, close: Sequence[ScoredCandidate]) -> list[int]:
     """Joints on which such an effect may explain what a leader explains, with the `close` candidates.
 

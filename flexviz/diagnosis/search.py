@@ -37,7 +37,7 @@ from flexviz.diagnosis.comparison import (
     optimistic_gain,
 )
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.hidden_starts import doubtful_joints, hidden_trials, loudest
+from flexviz.diagnosis.hidden_starts import doubtful_joints, hidden_trials, loudest, stands_out
 from flexviz.diagnosis.refits import best_refits
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
@@ -155,9 +155,9 @@ class Search:
         if hidden and not started:
             refitted += self.underrated(fit, loud, scores)
         refitted = self.halving(refitted)
-        later = excess(fit) > LIMITS.faint_excess and (started or not hidden)
-        if later and self.acceptable(fit, refitted, gained) is None:
-            more = self.halving(self.underrated(fit, loud, scores))
+        if stands_out(fit) and (started or not hidden) and self.acceptable(fit, refitted, gained) is None:
+            everywhere = scores if excess(fit) > LIMITS.faint_excess else None
+            more = self.halving(self.underrated(fit, loud, everywhere))
             refitted += [r for r in more if removed_share(fit, r.fit) > LIMITS.hidden_removed]
         return Comparison(by_objective(refitted))
 

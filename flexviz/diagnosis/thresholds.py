@@ -81,6 +81,9 @@ class SearchThresholds:
     # the same, on one joint, where nothing else is found, or what is found leaves as much: models of sets
     # without effects and reversals leave at most 0.07 in the study with seed 89
     faint_excess: float = 0.12
+    # the same on one joint of an arm whose other joints dilute the mean: right models of the practice sets of
+    # arms leave at most 0.16, joint damping of a Panda's wrist that scored nothing 0.40
+    faint_alone: float = 0.25
     # the same on one joint of an arm, beside a leader that explains the rest: 0.6 where a drive gain stood in
     # for load-dependent friction of a wrist in the study with seed 127
     faint_joint: float = 0.4

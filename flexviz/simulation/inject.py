@@ -87,11 +87,16 @@ def parse(text: str, plan: Plan) -> list[EffectValue]:
     joints = _joints(text, effect, place, plan)
     _check(text, "group", group, [g.name for g in plan.groups])
     _check(text, "payload", payload, list(plan.payloads))
+    if effect.scope == "payload" and payload is not None and not mass(plan, payload):
+        raise InputError(f'effect "{text}": payload "{payload}" has no mass, expected one that has')
     size = motion_scale(plan)
     result = []
     for joint in joints:
         values = default_parameters(name, joint, plan, size) | {k: float(v) for k, v in given.items()}
         _check_values(text, effect, values)
+        if effect.scope == "episode":
+            duration = next(each.duration for each in plan.groups if each.name == group)
+            _check_episode(text, effect, values, duration)
         result.append(EffectValue(name, joint, values, group=group, payload=payload))
     return result
 
@@ -161,11 +166,15 @@ def motion_scale(plan: Plan) -> MotionScale:
 
 def heaviest(plan: Plan) -> str:
     """The payload with the most mass."""
-    weight = {name: sum(body.mass for body in bodies) for name, bodies in plan.payloads.items()}
-    name = max(weight, key=weight.__getitem__)
-    if not weight[name]:
+    name = max(plan.payloads, key=lambda each: mass(plan, each))
+    if not mass(plan, name):
         raise InputError("payload_error needs a payload with a mass, this set has none")
     return name
+
+
+def mass(plan: Plan, payload: str) -> float:
+    """Of a payload with all its bodies [kg]."""
+    return sum(body.mass for body in plan.payloads[payload])
 
 
 def _values(text: str, parts: list[str]) -> dict[str, str | float]:
@@ -206,3 +215,13 @@ def _check_values(text: str, effect: Effect, values: dict[str, float]) -> None:
             wanted = "a number ≥ 0"
         if wanted:
             raise InputError(f'effect "{text}": {p.name} is {value:g}, expected {wanted}')
+
+
+def _check_episode(text: str, effect: Effect, values: dict[str, float], duration: float) -> None:
+    """An episode begins before it ends, and some of it lies within its group, which lasts `duration` [s]."""
+    _, start, end = (values[p.name] for p in effect.parameters)
+    if not (start < end and start < duration and end > 0):
+        raise InputError(
+            f'effect "{text}": it lasts from {start:g} to {end:g} s, expected a start before the end, '
+            f"within the {duration:g} s of its group"
+        )
