@@ -7,7 +7,7 @@ move. One covariance and one Jacobian therefore judge every smaller model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,6 +24,9 @@ from flexviz.estimation import sandwich
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
+# share of a variance, beside effects dropped since it was computed, below which rounding takes part in it:
+# the models of robots with all usual effects have scaled eigenvalues of 1e-10
+CANCELLED = 1e-4
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,10 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         fit: the model.
         firm: effects that are not dropped, such as those of the set's own model.
     """
-    x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
-    data = _Judged.of(fit)
+    covariance = fit.covariance.matrix.copy()
+    variance = np.diag(covariance).copy()
+    x, moved, data = fit.x.copy(), np.zeros(len(fit.x)), _Judged.of(fit)
+    judged = data.residual
     left = dict(fit.layout.effect_slices())
     dropped: dict[ChosenEffect, Necessity] = {}
     while True:
@@ -113,11 +118,17 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         if not weak:
             return Elimination(found, dropped, x)
         worst = min(weak, key=lambda e: (found[e].credible, found[e].deviations))
-        move, covariance = _without(x, covariance, sizes(worst, left[worst]), data.walls)
-        x = x + move
-        data = replace(data, residual=data.residual + data.jacobian @ move)
-        x[left.pop(worst)] = 0.0
+        move, covariance = _without(x, covariance, sizes(worst, left.pop(worst)), data.walls)
+        moved += move
         dropped[worst] = found[worst]
+        rows = [row for where in left.values() for row in range(where.start, where.stop)]
+        if np.any(np.diag(covariance)[rows] < CANCELLED * variance[rows]):
+            moved, covariance = _afresh(fit, dropped, data.walls)
+            variance = np.diag(covariance).copy()
+        data = replace(data, residual=judged + data.jacobian @ moved)
+        x = fit.x + moved
+        for effect in dropped:
+            x[fit.layout.effect_slice(effect)] = 0.0
 
 
 def necessities(fit: MotionFit) -> dict[ChosenEffect, Necessity]:
@@ -205,6 +216,24 @@ def _without(x: Array, covariance: Array, rows: list[int], walls: Walls) -> tupl
         move[stay] = 0.0
     move[rows] = -x[rows]
     return move, covariance - gain @ covariance[free]
+
+
+def _afresh(fit: MotionFit, dropped: Collection[ChosenEffect], walls: Walls) -> tuple[Array, Array]:
+    """Move (P,) of the parameters without dropped effects, and covariance (P, P), from the data themselves.
+
+    Beside an effect that is nearly the same, another has a variance so large that what the data say of it
+    alone is lost in its rounding.
+    """
+    hessian = fit.information + fit.prior_derivatives[1]
+    move, held = np.zeros(len(fit.x)), fit.held.copy()
+    for effect in dropped:
+        where = fit.layout.effect_slice(effect)
+        held[where] = True
+        move[sizes(effect, where)] = -fit.x[sizes(effect, where)]
+    free = ~held
+    free[walls.rows] = False
+    move[free] = -np.linalg.solve(hessian[np.ix_(free, free)], hessian[free] @ move)
+    return move, fit.covariance_with(held).matrix
 
 
 def _with_curves_held(fit: MotionFit, covariance: Array) -> Array:

@@ -165,8 +165,8 @@ class ModelFamily:
     def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without the effects that it does not need, fitted again until all are needed.
 
-        A significant effect with implausible parameters is replaced by the effect beside which it is sought:
-        Stribeck friction up to the joint's top speed is Coulomb friction.
+        A significant effect with implausible parameters is replaced by the one beside which it is sought, or
+        which it refines: Stribeck friction up to the joint's top speed is Coulomb friction.
         """
         for _ in range(LIMITS.eliminations):
             result = eliminate(fit, self.firm | self.offsets_of_springs(fit.layout))
@@ -174,16 +174,16 @@ class ModelFamily:
                 return fit, result.kept
             refined = {(EFFECTS[e.effect].replaces, e.joint) for e in result.kept}
             stand_ins = {
-                ChosenEffect(name, effect.joint): fit.x[fit.layout.effect_slice(effect)]
+                ChosenEffect(name, effect.joint): fit.x[sizes(effect, fit.layout.effect_slice(effect))[0]]
                 for effect, need in result.dropped.items()
                 if need.implausible
-                and (name := EFFECTS[effect.effect].beside)
+                and (name := EFFECTS[effect.effect].beside or EFFECTS[effect.effect].replaces)
                 and (name, effect.joint) not in refined
             }
             smaller = Layout(fit.layout.joints, tuple(dict.fromkeys((*result.kept, *stand_ins))))
             start = fit.towards(result.x, smaller)
             for effect in stand_ins.keys() - result.kept.keys():
-                start[sizes(effect, smaller.effect_slice(effect))] = stand_ins[effect][0]
+                start[sizes(effect, smaller.effect_slice(effect))] = stand_ins[effect]
             fit = self.fit(smaller, start)
         return fit, necessities(fit)
 

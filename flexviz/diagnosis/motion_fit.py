@@ -117,9 +117,16 @@ class MotionFit:
 
     @cached_property
     def covariance(self) -> Covariance:
-        """Of the parameters, from the residual's own spectra."""
-        score = score_covariance(*self.whitened, [b.rows for b in self.context.signals.blocks])
-        return sandwich(self.information, score, self.prior_derivatives[1], self.held)
+        """Of the parameters."""
+        return self.covariance_with(self.held)
+
+    def covariance_with(self, held: NDArray[np.bool_]) -> Covariance:
+        """The same with parameters held, shape (P,)."""
+        return sandwich(self.information, self._score, self.prior_derivatives[1], held)
+
+    @cached_property
+    def _score(self) -> Array:  # from the residual's own spectra
+        return score_covariance(*self.whitened, [b.rows for b in self.context.signals.blocks])
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -172,8 +179,7 @@ class MotionFit:
     @property
     def chain(self) -> Chain:
         """Sensitivity of the residual to s and q."""
-        lay = self.layout
-        return Chain(self.x[lay.compliance], self.x[lay.link_viscous], self.link)
+        return Chain(self.x[self.layout.compliance], self.x[self.layout.link_viscous], self.link)
 
 
 Hopeless = Callable[[MotionFit, float], bool]
@@ -307,11 +313,8 @@ class MotionContext:
             fit.at_bound[:] = at_bound
             if settled or length < LIMITS.negligible_step or iteration == iterations:
                 break
-            if (
-                hopeless
-                and iteration >= FAIR_STEPS
-                and hopeless(fit, max(gained, 0.0) * (iterations - iteration))
-            ):
+            left = max(gained, 0.0) * (iterations - iteration)
+            if hopeless and iteration >= FAIR_STEPS and hopeless(fit, left):
                 break
             after = self._along(fit, step, prior, bounds)
             if after is None:

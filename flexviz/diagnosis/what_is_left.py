@@ -60,16 +60,22 @@ class WhatIsLeft(ModelFamily):
         return explained(*fit.projection.normal(weighed.reshape(-1, len(columns))))[1] / len(fit.weights)
 
     def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> ChosenEffect | None:
-        """The best free curve on the joint that errs most, if it explains much more than any candidate."""
+        """The best free curve on the joint that errs most, if it explains much more than any candidate.
+
+        Or else on another one, if it leads by far: no curve describes some laws, such as a vibration.
+        """
         best = {s.effect.joint: s.gain for s in reversed(chosen)}
         taken = {curve.place.own_joint for curve in self.curves} | self._lawful
         ratio = fit.rms / self.context.noise_floor
-        joint = int(np.argmax(np.where([j in taken for j in range(fit.layout.n)], 0.0, ratio)))
-        if joint in taken or ratio[joint] < LIMITS.far_off:
-            return None
-        curve, gain = best_curve(fit, joint)
-        least = max(LIMITS.least_curve_share * len(fit.weights), LIMITS.curve_lead * best.get(joint, 0.0))
-        return curve if gain > least else None
+        lead = LIMITS.curve_lead
+        for joint in map(int, np.argsort(-ratio)):
+            if joint in taken or ratio[joint] < LIMITS.far_off:
+                continue
+            curve, gain = best_curve(fit, joint)
+            if gain > max(LIMITS.least_curve_share * len(fit.weights), lead * best.get(joint, 0.0)):
+                return curve
+            lead = LIMITS.curve_lead_elsewhere
+        return None
 
     def best_of_each_joint(self, fit: MotionFit, leading: list[ScoredCandidate]) -> list[ScoredCandidate]:
         """The best candidate of each joint, and of those without one, that explains a clear share."""
