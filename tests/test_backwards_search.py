@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose, elimination, many_effects, model_family
+from flexviz.diagnosis import diagnose, elimination, many_effects, model_family, what_is_left
 from flexviz.diagnosis.elimination import Elimination, Necessity, eliminate
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
@@ -23,6 +23,7 @@ from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
+from flexviz.estimation import ScoredCandidate
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.parallel import Background, on_cores, stopped_by
 from flexviz.results import Verdict
@@ -50,6 +51,16 @@ def fitted(search: RichSearch, *effects: tuple[ChosenEffect, list[float]]) -> Mo
     return search.fit(layout, x)
 
 
+def beside_the_truth(search: RichSearch, *effects: tuple[ChosenEffect, list[float]]) -> MotionFit:
+    """A model evaluated with these values, the others from a fit with what is hidden."""
+    whole = fitted(search, (COULOMB, [3.0]))
+    layout = Layout(search.own.joints, tuple(effect for effect, _ in effects))
+    x = layout.vector(whole.layout.model(whole.x))
+    for effect, values in effects:
+        x[layout.effect_slice(effect)] = values
+    return search.fit(layout, x, iterations=0)
+
+
 @pytest.fixture(scope="module")
 def demo() -> RichSearch:
     """Of the demonstration, which hides Coulomb friction of 3 Nm on joint 2."""
@@ -71,6 +82,31 @@ def test_stribeck_friction_up_to_the_top_speed_becomes_coulomb_friction(demo):
     fit, needed = demo.thinned(fast)
     assert set(needed) == {COULOMB}
     assert fit.x[fit.layout.effect_slice(COULOMB)][0] == pytest.approx(3.0, rel=0.01)
+
+
+def test_presliding_over_no_angle_becomes_coulomb_friction(demo):
+    """It had been dropped with all of the joint's friction."""
+    stiff = beside_the_truth(demo, (PRESLIDING, [1e7, 3.0]))
+    assert eliminate(stiff).dropped[PRESLIDING].implausible
+    fit, needed = demo.thinned(stiff)
+    assert set(needed) == {COULOMB}
+    assert fit.x[fit.layout.effect_slice(COULOMB)][0] == pytest.approx(3.0, rel=0.01)
+
+
+def test_an_effect_is_not_lost_to_rounding_beside_one_that_is_nearly_the_same(demo):
+    """Variances of 1e12 Nm² of two effects of which only the sum is known, to 1 mNm."""
+    twin = ChosenEffect("link_coulomb_friction", 1)
+    fit = beside_the_truth(demo, (COULOMB, [3.0]), (twin, [1e-3]))
+    alone = eliminate(fit)
+    assert set(alone.kept) == {COULOMB}
+    apart = np.zeros(fit.layout.size)
+    apart[[fit.layout.effect_slice(e).start for e in (COULOMB, twin)]] = 1.0, -1.0
+    matrix = fit.covariance.matrix + 1e12 * np.outer(apart, apart)
+    fit.__dict__["covariance"] = replace(fit.covariance, matrix=matrix)
+    result = eliminate(fit)
+    assert set(result.kept) == {COULOMB}
+    assert result.kept[COULOMB].deviations == pytest.approx(alone.kept[COULOMB].deviations, rel=0.3)
+    assert result.x == pytest.approx(alone.x, rel=1e-3, abs=1e-6)
 
 
 def test_what_the_data_do_not_show_leaves_nothing_in_its_place(demo):
@@ -201,6 +237,30 @@ def test_after_a_free_curve_the_search_begins_anew(demo, monkeypatch):
     finally:
         demo._refused = set()
     assert tried == [False, True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("shares", "found"),
+    [({1: 0.4}, 1), ({1: 0.2}, None), ({0: 0.5}, None), ({0: 0.9}, 0), ({0: 0.9, 1: 0.4}, 1)],
+)
+def test_a_law_of_no_library_elsewhere_than_where_most_is_left_leads_by_far(demo, monkeypatch, shares, found):
+    """The best candidate of joint 1 explains 10 % of what is left there; most is left on joint 2."""
+    fit = fitted(demo)
+    assert np.argmax(fit.rms / demo.context.noise_floor) == 1
+    monkeypatch.setattr(
+        what_is_left,
+        "best_curve",
+        lambda fit, joint: (
+            ChosenEffect("free_curve_velocity", joint),
+            shares.get(joint, 0.0) * len(fit.weights),
+        ),
+    )
+    monkeypatch.setattr(LIMITS.__class__, "far_off", 0.0)
+    score = ScoredCandidate(
+        ChosenEffect("torque_offset", 0), 0.1 * len(fit.weights), np.zeros(1), np.zeros(1)
+    )
+    curve = demo.unknown(fit, [score])
+    assert (curve and curve.joint) == found
 
 
 def test_a_search_stopped_with_a_curve_alone_ends_with_the_sets_own_model(monkeypatch):
