@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose, forward_search
+from flexviz.diagnosis import pipeline as pipeline_module
 from flexviz.diagnosis import unknown_place as module
 from flexviz.diagnosis.beside_unknown import BesideUnknown
 from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.pipeline import Interrupted
+from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
 from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import SlowResidual
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
@@ -208,6 +209,36 @@ def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
     assert asked == ([layout, search.final.layout] if kept and apply else [layout])
     assert (search.place is None) == (joint is None or not apply)
     assert search.place is None or search.place.layout == search.final.layout
+
+
+@pytest.mark.parametrize(
+    ("acts", "complete", "instead"),
+    [((0, 1), True, True), ((0, 1), False, True), ((1, 1), True, True), ((1, 1), False, False)],
+)
+def test_one_torque_that_explains_everything_is_better_than_few_effects(
+    demo: MeasurementSet,
+    monkeypatch: pytest.MonkeyPatch,
+    acts: tuple[int, int],
+    complete: bool,
+    instead: bool,
+) -> None:
+    """Spring, ripple and friction stood for friction in part of a wrist's range, and left 207 times its noise.
+
+    A torque that leaves more does not speak against effects of that joint alone.
+    """
+    search = search_of(demo, True)
+    monkeypatch.setattr(search, "place_of_base", lambda: place_at(1, search.base.layout, complete))
+    monkeypatch.setattr(search, "find_place", lambda: None)
+    pipeline = _Pipeline(demo, True, None, None, None)
+    monkeypatch.setattr(pipeline, "prepared", lambda: search)
+    monkeypatch.setattr(pipeline_module, "leaves_only_noise", lambda _: False)
+    monkeypatch.setattr(pipeline_module, "just_incomplete", lambda _: False)
+    effects = [
+        ChosenEffect(name, j) for name, j in zip(("coulomb_friction", "torque_offset"), acts, strict=True)
+    ]
+    rich = cast(Any, SimpleNamespace(added=lambda _: effects))
+    assert pipeline.few_explain(rich, begun=False) == instead
+    pipeline.beside.close()
 
 
 def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained(

@@ -168,8 +168,8 @@ class _Pipeline:
     def few_explain(self, rich: RichModel, begun: bool) -> bool:
         """Whether a search forwards explains more than the few effects that a search backwards found.
 
-        One law of no library may explain all of them, effects elsewhere too; or effects added one at a time
-        leave only noise where those leave somewhat more.
+        One law of no library may explain all of them: an arbitrary torque at its place leaves only noise, or
+        effects elsewhere imitate it. Or effects added one at a time leave only noise where those leave more.
         """
         added = rich.added(self.layout)
         if leaves_only_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
@@ -179,7 +179,7 @@ class _Pipeline:
             place = search.place_of_base()
             if place is not None:
                 elsewhere = any(e.joint != place.unknown.joint for e in added)
-                if elsewhere or not added:
+                if elsewhere or place.complete or not added:
                     self.forward = search
                     search.find_place()
                     return True
