@@ -222,7 +222,7 @@ def test_one_torque_that_explains_everything_is_better_than_few_effects(
     complete: bool,
     instead: bool,
 ) -> None:
-    """Spring, ripple and friction stood for friction in part of a wrist's range, and left 207 times its noise.
+    """Spring, ripple and friction stood for friction in part of a wrist's range and left 207 times its noise.
 
     A torque that leaves more does not speak against effects of that joint alone.
     """
