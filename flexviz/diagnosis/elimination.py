@@ -225,15 +225,18 @@ def _afresh(fit: MotionFit, dropped: Collection[ChosenEffect], walls: Walls) -> 
     alone is lost in its rounding.
     """
     hessian = fit.information + fit.prior_derivatives[1]
-    move, held = np.zeros(len(fit.x)), fit.held.copy()
+    absent, held = np.zeros(len(fit.x)), fit.held.copy()
     for effect in dropped:
         where = fit.layout.effect_slice(effect)
         held[where] = True
-        move[sizes(effect, where)] = -fit.x[sizes(effect, where)]
+        absent[sizes(effect, where)] = -fit.x[sizes(effect, where)]
     free = ~held
-    free[walls.rows] = False
-    move[free] = -np.linalg.solve(hessian[np.ix_(free, free)], hessian[free] @ move)
-    return move, fit.covariance_with(held).matrix
+    while True:
+        move = absent.copy()
+        move[free] = -np.linalg.solve(hessian[np.ix_(free, free)], hessian[free] @ absent)
+        if not (out := walls.beyond(fit.x + move)):
+            return move, fit.covariance_with(held).matrix
+        free[out] = False
 
 
 def _with_curves_held(fit: MotionFit, covariance: Array) -> Array:
