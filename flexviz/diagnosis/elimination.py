@@ -102,9 +102,9 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         fit: the model.
         firm: effects that are not dropped, such as those of the set's own model.
     """
-    covariance = fit.covariance.matrix.copy()
-    variance = np.diag(covariance).copy()
-    x, moved, data = fit.x.copy(), np.zeros(len(fit.x)), _Judged.of(fit)
+    covariance = fit.covariance.matrix
+    variance = np.diag(covariance)
+    x, moved, data = fit.x, np.zeros(len(fit.x)), _Judged.of(fit)
     judged = data.residual
     left = dict(fit.layout.effect_slices())
     dropped: dict[ChosenEffect, Necessity] = {}
@@ -124,7 +124,7 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         rows = [row for where in left.values() for row in range(where.start, where.stop)]
         if np.any(np.diag(covariance)[rows] < CANCELLED * variance[rows]):
             moved, covariance = _afresh(fit, dropped, data.walls)
-            variance = np.diag(covariance).copy()
+            variance = np.diag(covariance)
         data = replace(data, residual=judged + data.jacobian @ moved)
         x = fit.x + moved
         for effect in dropped:
