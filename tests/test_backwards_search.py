@@ -6,12 +6,14 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose, elimination, many_effects, model_family, what_is_left
-from flexviz.diagnosis.elimination import Elimination, Necessity, eliminate
+from flexviz.diagnosis.elimination import Elimination, Necessity, eliminate, necessities
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
@@ -34,6 +36,7 @@ DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
 COULOMB, STRIBECK = ChosenEffect("coulomb_friction", 1), ChosenEffect("stribeck_friction", 1)
 CURVE = ChosenEffect("free_curve_velocity", 1)
 PRESLIDING = ChosenEffect("presliding_hysteresis", 1)
+GAIN, CONTACT = ChosenEffect("torque_gain", 1), ChosenEffect("external_contact", 1, group="fit")
 SPRING, COMPENSATOR = ChosenEffect("cable_spring", 1), ChosenEffect("gravity_compensator", 1)
 
 
@@ -204,6 +207,48 @@ def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alon
     with on_cores(cores):
         found = demo.enlarged(plain, chosen)
     assert tried == [2, 1] and found is not None and set(found[1]) == {COULOMB}
+
+
+@pytest.mark.parametrize(("gain", "chosen"), [(-0.999, False), (-0.3, True), (0.1, True)])
+def test_no_candidate_is_a_drive_gain_that_cannot_be(demo, gain, chosen):
+    """Or one so large that far more than the noise would be left if it were missing."""
+    scored = [ScoredCandidate(GAIN, 1e6, np.array([gain]), np.zeros(0))]
+    assert bool(demo.best_of_each_joint(demo.bare, scored)) == chosen
+    near = replace(demo.bare)
+    near.__dict__["rms"] = 4 * demo.context.noise_floor
+    assert bool(demo.best_of_each_joint(near, scored)) == (gain == 0.1)
+
+
+def test_a_drive_gain_far_beyond_data_sheets_needs_a_model_that_reaches_the_noise(tmp_path, demo):
+    """A real arm's base got a gain of -0.3 at 4 times its noise."""
+    for gain, believed in ((0.3, False), (0.1, True)):
+        imitated = beside_the_truth(demo, (COULOMB, [3.0]), (GAIN, [gain]))
+        assert imitated.rms[1] > LIMITS.small_left * demo.context.noise_floor[1]
+        assert necessities(imitated)[GAIN].credible == believed
+    wrong = search_of(
+        planar_set(tmp_path / "arm", ("torque_gain:joint2:gain_error=0.25",), 5, groups=HELD_OUT)
+    )
+    fit, needed = wrong.thinned(fitted(wrong, (GAIN, [0.1])))
+    assert set(needed) == {GAIN}
+    assert fit.x[fit.layout.effect_slice(GAIN)][0] == pytest.approx(0.25, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("new", "rise", "worse"),
+    [(COULOMB, 1.08, False), (COULOMB, 1.12, True), (CONTACT, 1.08, True), (CONTACT, 1.04, False)],
+)
+def test_an_episode_may_make_hardly_anything_worse(demo, new, rise, worse):
+    """Contacts that no held-out group confirms made a real arm's wrist worse by a tenth, one by one."""
+    held_out = 50 * demo.context.noise_floor
+
+    def model(*effects: ChosenEffect, factor: float = 1.0) -> MotionFit:
+        after = held_out * np.array([1.0, factor])
+        return cast(
+            MotionFit,
+            SimpleNamespace(layout=Layout(demo.own.joints, effects), held_out_rms=lambda: after),
+        )
+
+    assert demo.worse_joints(model(), model(new, factor=rise)) == ({1} if worse else set())
 
 
 def test_a_joint_that_rests_all_the_time_has_no_error(demo, monkeypatch):

@@ -212,19 +212,28 @@ def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
 
 
 @pytest.mark.parametrize(
-    ("acts", "complete", "instead"),
-    [((0, 1), True, True), ((0, 1), False, True), ((1, 1), True, True), ((1, 1), False, False)],
+    ("acts", "share", "complete", "instead"),
+    [
+        ((0, 1), 0.1, True, True),
+        ((0, 1), 0.1, False, True),
+        ((1, 1), 0.1, True, True),
+        ((1, 1), 0.1, False, False),
+        ((0, 1, 2), 0.1, True, False),
+        ((0, 1, 2), 0.01, True, True),
+    ],
 )
 def test_one_torque_that_explains_everything_is_better_than_few_effects(
     demo: MeasurementSet,
     monkeypatch: pytest.MonkeyPatch,
-    acts: tuple[int, int],
+    acts: tuple[int, ...],
+    share: float,
     complete: bool,
     instead: bool,
 ) -> None:
     """Spring, ripple and friction stood for friction in part of a wrist's range and left 207 times its noise.
 
-    A torque that leaves more does not speak against effects of that joint alone.
+    A torque that leaves more does not speak against effects of that joint alone, and none is sought where
+    three joints have effects of weight.
     """
     search = search_of(demo, True)
     monkeypatch.setattr(search, "place_of_base", lambda: place_at(1, search.base.layout, complete))
@@ -233,10 +242,10 @@ def test_one_torque_that_explains_everything_is_better_than_few_effects(
     monkeypatch.setattr(pipeline, "prepared", lambda: search)
     monkeypatch.setattr(pipeline_module, "leaves_only_noise", lambda _: False)
     monkeypatch.setattr(pipeline_module, "just_incomplete", lambda _: False)
-    effects = [
-        ChosenEffect(name, j) for name, j in zip(("coulomb_friction", "torque_offset"), acts, strict=True)
-    ]
-    rich = cast(Any, SimpleNamespace(added=lambda _: effects))
+    names = ("coulomb_friction", "torque_offset", "cable_spring")
+    effects = [ChosenEffect(name, j) for name, j in zip(names, acts, strict=False)]
+    needed = {e: SimpleNamespace(share=share) for e in effects}
+    rich = cast(Any, SimpleNamespace(added=lambda _: effects, needed=needed))
     assert pipeline.few_explain(rich, begun=False) == instead
     pipeline.beside.close()
 

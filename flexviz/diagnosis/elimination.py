@@ -307,7 +307,16 @@ def _necessity(
         near[curve.place.own_joint] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
     believed = credible(fit, effect, raw_step(fit), x[where])
+    if joint is not None and ratio[joint] > LIMITS.small_left:
+        believed &= expected(effect, x[where])
     return Necessity(deviations, mean, error, share, torque, believed, quiet, at_noise)
+
+
+def expected(effect: ChosenEffect, values: Array) -> bool:
+    """Whether parameters are such as a real robot may show."""
+    law = EFFECTS[effect.effect]
+    spread = np.array([law.expected.get(spec.name, np.inf) for spec in law.parameters])
+    return bool(np.all(np.abs(values) < LIMITS.unexpected * spread))
 
 
 def raw_step(fit: MotionFit) -> float:

@@ -28,6 +28,7 @@ from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.rich_result import just_incomplete, leaves_only_noise
 from flexviz.diagnosis.so_far import Standing
+from flexviz.diagnosis.still_groups import without_still_groups
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
@@ -68,6 +69,7 @@ def diagnose(
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
+    measurements, notes = without_still_groups(measurements)
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
         pipeline = _Pipeline(measurements, apply, start, progress, should_stop)
         with pipeline.beside:
@@ -79,7 +81,7 @@ def diagnose(
         if progress is not None and not result.stopped:
             progress(pipeline.pace.done())
         del pipeline  # before what it leaves is collected
-    return result
+    return replace(result, notes=(*result.notes, *notes))
 
 
 class _Pipeline:
@@ -173,6 +175,9 @@ class _Pipeline:
         """
         added = rich.added(self.layout)
         if leaves_only_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
+            return False
+        weighty = {e.joint for e in added if rich.needed[e].share > THRESHOLDS.motion.weighty_share}
+        if len(weighty - {None}) >= THRESHOLDS.unknown_place.imitated:
             return False
         with contextlib.suppress(Interrupted):
             search = self.forward if begun else self.prepared()

@@ -6,7 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.candidates import candidates, is_episode
+from flexviz.diagnosis.elimination import expected, raw_step
 from flexviz.diagnosis.model_family import ModelFamily
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.scoring import score_by_joint
@@ -92,6 +94,10 @@ class WhatIsLeft(ModelFamily):
             least = LIMITS.least_share_episode if is_episode(s.effect) else LIMITS.least_share
             if s.gain < least * len(fit.weights):
                 continue
+            if joint is not None and near[joint] and not expected(s.effect, s.values):
+                continue  # so large an error would leave more
+            if law.expected and not credible(fit, s.effect, raw_step(fit), s.values):
+                continue
             if joint is not None and law.hidden_state and joint in curved and near[joint]:
                 continue  # it would mend the form of the curve
             if joint not in chosen and not (joint is not None and quiet[joint]):
@@ -122,5 +128,8 @@ class WhatIsLeft(ModelFamily):
 
     def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
         """Joints whose held-out residual is clearly larger than before."""
-        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
+        factor = np.full(self.own.n, LIMITS.worse)
+        new = set(larger.layout.effects) - set(fit.layout.effects)
+        factor[[e.place.own_joint for e in new if is_episode(e)]] = LIMITS.worse_episode
+        allowed = np.maximum(factor * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
         return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}

@@ -1,0 +1,170 @@
+"""Measurement sets from public recordings: `python -m benchmarks.public_robots make --work DIR`.
+
+DIR holds clones of the repositories below; what is absent is skipped. Each becomes DIR/sets/NAME, which
+`python -m benchmarks.real DIR/sets` diagnoses. The recordings are converted on the user's machine and are not
+part of this project; their authors' terms apply.
+
+| set | repository | licence | torque |
+|---|---|---|---|
+| panda | marcocognetti/FrankaEmikaPandaDynModel | GPL-3.0 | as recorded, behind the gear |
+| ur10e | shamilmamedov/dynamic_calibration | none stated | motor current × the drive gains of its `main.m` |
+| tiago | thanhndv212/figaroh-examples | Apache-2.0 | current × gear × constant of its `identification.py` |
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+HOLD_OUT = 2 / 3  # of one recording, what is fitted
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One motion: time [s], shape (N,); positions [rad] and torques [Nm], shape (N, n)."""
+
+    time: Array
+    theta: Array
+    tau: Array
+    held_out: bool = False
+
+    def halves(self) -> dict[str, Recording]:
+        """The first part to fit and the rest to hold out."""
+        cut = int(HOLD_OUT * len(self.time))
+        return {
+            "first": Recording(self.time[:cut], self.theta[:cut], self.tau[:cut]),
+            "rest": Recording(self.time[cut:], self.theta[cut:], self.tau[cut:], held_out=True),
+        }
+
+
+@dataclass(frozen=True)
+class Source:
+    """One robot.
+
+    Attributes:
+        repository: folder of the clone.
+        robot: path of its URDF in the clone, or a name as measurement sets have it.
+        joints: that were recorded.
+        read: clone → group → recording.
+    """
+
+    repository: str
+    robot: str
+    joints: tuple[str, ...]
+    read: Callable[[Path], dict[str, Recording]]
+
+
+def _panda(clone: Path) -> dict[str, Recording]:
+    log = clone / "matlab/data/Exciting_Traj/Trajectory_1/rbt_log"
+    time, theta, tau = (
+        np.loadtxt(log / f"exciting_traj_{what}.txt") for what in ("time", "positions", "torques")
+    )
+    return Recording(time, theta.reshape(-1, 7), tau.reshape(-1, 7)).halves()
+
+
+UR10E_GAINS = np.array((14.87, 13.26, 11.13, 10.62, 11.03, 11.47))  # [Nm/A]
+UR10E_FILES = {
+    "identification_data/ur-20_02_12-50sec_12harm.csv": False,
+    "identification_data/ur-20_02_10-30sec_12harm.csv": False,
+    "validation_data/ur-20_01_17-ptp_10_points.csv": True,
+}
+
+
+def _ur10e(clone: Path) -> dict[str, Recording]:
+    recordings = {}
+    for name, held_out in UR10E_FILES.items():
+        table = np.loadtxt(clone / "dataset_ur10e" / name, delimiter=",", ndmin=2)
+        # columns: time, six positions, six velocities, six currents, ...
+        label = Path(name).stem.replace(".", "_")
+        recordings[label] = Recording(
+            table[:, 0] - table[0, 0], table[:, 1:7], table[:, 13:19] * UR10E_GAINS, held_out
+        )
+    return recordings
+
+
+TIAGO_GEARS = np.array((100.0, 100.0, 100.0, 100.0, 336.0, 336.0, 336.0))
+TIAGO_CONSTANTS = np.array((0.136, 0.136, -0.087, -0.087, -0.0613, -0.0613, -0.0613))  # [Nm/A]
+
+
+def _tiago(clone: Path) -> dict[str, Recording]:
+    log = clone / "examples/tiago/data/identification/dynamic"
+    positions, currents = (
+        np.loadtxt(log / f"tiago_{what}.csv", delimiter=",", skiprows=1) for what in ("position", "effort")
+    )
+    # columns: time, torso lift, seven joints of the arm
+    torque = currents[:, 2:9] * TIAGO_GEARS * TIAGO_CONSTANTS
+    return Recording(positions[:, 0], positions[:, 2:9], torque).halves()
+
+
+UR_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+SOURCES = {
+    "panda": Source(
+        "FrankaEmikaPandaDynModel",
+        "example-robot-data:panda",
+        tuple(f"panda_joint{i}" for i in range(1, 8)),
+        _panda,
+    ),
+    "ur10e": Source(
+        "dynamic_calibration", "URe/urdf/ur10e.urdf", tuple(f"{j}_joint" for j in UR_JOINTS), _ur10e
+    ),
+    "tiago": Source(
+        "figaroh-examples",
+        "examples/tiago/urdf/tiago_no_hand.urdf",
+        tuple(f"arm_{i}_joint" for i in range(1, 8)),
+        _tiago,
+    ),
+}
+
+
+def _urdf_without_shapes(file: Path) -> str:
+    """The text of a URDF without the shapes, whose mesh files lie elsewhere."""
+    tree = ElementTree.parse(file)
+    for link in tree.getroot().iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    return ElementTree.tostring(tree.getroot(), encoding="unicode")
+
+
+def write(name: str, source: Source, work: Path) -> Path:
+    """Convert one robot's recordings to a measurement set and return its folder."""
+    clone, folder = work / source.repository, work / "sets" / name
+    folder.mkdir(parents=True, exist_ok=True)
+    robot = source.robot
+    if robot.endswith(".urdf"):
+        (folder / "robot.urdf").write_text(_urdf_without_shapes(clone / robot), encoding="utf-8")
+        robot = "robot.urdf"
+    lines = ["format = 1", f'robot = "{robot}"', f"joints = {list(source.joints)}".replace("'", '"')]
+    lines += ["", "[payloads.none]", "bodies = []"]
+    head = ["time", *(f"theta_{j}" for j in source.joints), *(f"tau_{j}" for j in source.joints)]
+    for group, one in source.read(clone).items():
+        table = np.column_stack((one.time, one.theta, one.tau))
+        np.savetxt(folder / f"{group}.csv", table, "%.9g", delimiter=",", header=",".join(head), comments="")
+        lines += ["", "[[groups]]", f'name = "{group}"', f'trajectory = "{group}"', 'payload = "none"']
+        lines += [f'file = "{group}.csv"', *(["validation = true"] if one.held_out else [])]
+    (folder / "measurements.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def main(arguments: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(description="Measurement sets of robots from public recordings.")
+    parser.add_argument("command", choices=["make"])
+    parser.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder of the clones")
+    work = parser.parse_args(arguments).work
+    for name, source in SOURCES.items():
+        if (work / source.repository).is_dir():
+            print(write(name, source, work))
+        else:
+            print(f"{name}: skipped, {work / source.repository} is not there")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
