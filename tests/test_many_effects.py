@@ -26,6 +26,7 @@ from flexviz.effects.free_curve import SIZE, FreeFrictionCurve
 from flexviz.equation import Layout
 from flexviz.estimation import Bounds, bounded_minimum
 from flexviz.measurements import read_set
+from tests.planar_arm import HELD_OUT, planar_set
 
 SHARED = Path(__file__).parents[2] / "shared" / "robotlike"
 LIMITS, CURVE = THRESHOLDS.motion, FreeFrictionCurve()
@@ -204,3 +205,20 @@ def test_imitations_of_a_law_of_no_library_are_not_applied(tmp_path):
     assert place.startswith("what is missing acts on the motor side of joint1")
     (hidden,) = json.loads(truth_file(tmp_path, case.name).read_text(encoding="utf-8"))["effects"]
     assert result.where[0].joint == hidden["joint"]
+
+
+def test_what_a_few_usual_effects_explain_is_not_sought_elsewhere(tmp_path):
+    """Two effects that the survey finds: neither hidden effects nor a place of an unknown law are tried."""
+    hidden = ("coulomb_friction:joint1:coulomb=4", "coulomb_friction:joint2:coulomb=2")
+    told = []
+    result = diagnose(
+        planar_set(tmp_path / "arm", hidden, 5, groups=HELD_OUT),
+        apply=True,
+        guarded=False,
+        progress=lambda news: told.append(news.text),
+    )
+    found = {(e["effect"], e["joint"]): e["parameters"]["coulomb"]["value"] for e in result.effects}
+    right = {("coulomb_friction", "joint1"): 4.0, ("coulomb_friction", "joint2"): 2.0}
+    assert found == pytest.approx(right, rel=1e-3)
+    assert result.steps[-1].verdict == "nothing-missing"
+    assert not [text for text in told if "hidden" in text or "place" in text]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from flexviz.diagnosis.candidates import is_episode
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -26,6 +27,21 @@ class CandidateScores:
     def gains(self) -> dict[ChosenEffect, float]:
         """Gain of each candidate, of an episode in its best stretch."""
         return {s.effect: s.gain for s in reversed(self.ranked)}
+
+    @property
+    def leading(self) -> list[ScoredCandidate]:
+        """The candidates with the best scores, with a limited number of episodes."""
+        chosen: list[ScoredCandidate] = []
+        episodes = 0
+        for s in self.ranked:
+            if is_episode(s.effect):
+                episodes += 1
+                if episodes > LIMITS.refitted_episodes:
+                    continue
+            chosen.append(s)
+            if len(chosen) == LIMITS.refitted:
+                break
+        return chosen
 
     def shortened(self) -> CandidateScores:
         """The same with the signatures of the leading candidates only; all signatures take hundreds of MB."""

@@ -155,11 +155,13 @@ class _Pipeline:
             result = many.result(rich, self.apply, bool(guarded) and not self.stopped, self.tell)
             return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)
         if not begun:
+            few = many.search.few
             del many  # its fits take as much memory as what follows
             self.forward = self.prepared(0 if self.stopped else LIMITS.first_iterations)
+            self.forward.search.expected = few
         try:
             self.check_stop()
-            if not begun and not self.forward.look_at_place_first():
+            if not begun and (few or not self.forward.look_at_place_first()):
                 self.forward.add_effects()
             if self.forward.unexplained:
                 self.forward.explain_the_rest()

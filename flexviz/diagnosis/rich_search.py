@@ -41,6 +41,9 @@ class RichSearch(SwappedLaws):
         own: effects of the set's own model, which stay.
         say: called with a progress message; may raise to stop.
         standing: is told of the models found.
+
+    Attributes:
+        few: usual effects that together come near the noise, if they are few.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class RichSearch(SwappedLaws):
         super().__init__(context, own, say)
         self.standing = standing
         self.best: RichModel | None = None  # so far
+        self.few: frozenset[ChosenEffect] = frozenset()
         self._singles: dict[ChosenEffect, MotionFit] = {}
 
     @cached_property
@@ -114,6 +118,7 @@ class RichSearch(SwappedLaws):
         """
         quiet = np.all(survey.fit.rms < LIMITS.far_off * self.context.noise_floor)
         if quiet and len(survey.added(self.own)) < LIMITS.many:
+            self.few = frozenset(survey.added(self.own))
             return False
         weighty = [e for e in survey.added(self.own) if survey.needed[e].share > LIMITS.weighty_share]
         if len(weighty) >= LIMITS.surely_many:

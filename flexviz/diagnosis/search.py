@@ -58,6 +58,9 @@ class Search:
     Args:
         context: the data.
         say: called with a progress message; may raise to stop.
+
+    Attributes:
+        expected: effects that probably explain everything together.
     """
 
     def __init__(self, context: FitContext, say: Callable[[str], None]) -> None:
@@ -65,6 +68,7 @@ class Search:
         self.restart = Restart(context, self.check)
         self.given = len(layout_of(context.measurements).effects)  # effects of the set's own model
         self.raw_step = max(s.step for g in context.fit_groups for s in g.segments)
+        self.expected: frozenset[ChosenEffect] = frozenset()
 
     def check(self) -> None:
         self.say("")
@@ -109,20 +113,6 @@ class Search:
 
         return weigh
 
-    def leading(self, scores: CandidateScores) -> list[ScoredCandidate]:
-        """The candidates with the best scores, with a limited number of episodes."""
-        chosen: list[ScoredCandidate] = []
-        episodes = 0
-        for s in scores.ranked:
-            if is_episode(s.effect):
-                episodes += 1
-                if episodes > LIMITS.refitted_episodes:
-                    continue
-            chosen.append(s)
-            if len(chosen) == LIMITS.refitted:
-                break
-        return chosen
-
     # -- refits
 
     def compare(
@@ -144,7 +134,7 @@ class Search:
 
     def refits(self, fit: Fit, scores: CandidateScores, gained: Gained) -> Comparison:
         """The leading candidates refitted, best first; earlier effects gained `gained`."""
-        chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
+        chosen = [s for s in scores.leading if optimistic_gain(s) > needed_gain(s.effect, gained)]
         first = self.refit_leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains_everything(fit, first.fit):
             return self.rivals(fit, first, chosen[1:])
@@ -152,7 +142,7 @@ class Search:
         hidden = excess(fit) > LIMITS.hidden_excess  # more than the scores explain
         started = len(fit.layout.effects) > self.given
         loud = loudest(fit, LIMITS.hidden_joints if hidden else 1)
-        if hidden and not started:
+        if hidden and not started and not self.leads_as_expected(fit, refitted):
             refitted += self.underrated(fit, loud, scores)
         refitted = self.halving(refitted)
         if stands_out(fit) and (started or not hidden) and self.acceptable(fit, refitted, gained) is None:
@@ -160,6 +150,11 @@ class Search:
             more = self.halving(self.underrated(fit, loud, everywhere))
             refitted += [r for r in more if removed_share(fit, r.fit) > LIMITS.hidden_removed]
         return Comparison(by_objective(refitted))
+
+    def leads_as_expected(self, fit: Fit, refitted: list[RefittedCandidate]) -> bool:
+        """Whether the best of the refitted candidates is one of several effects that are expected."""
+        left = self.expected - set(fit.layout.effects)
+        return len(left) > 1 and bool(refitted) and by_objective(refitted)[0].effect in left
 
     def confirmed(
         self, fit: Fit, scores: CandidateScores, guess: ModelStart, gained: Gained
@@ -175,7 +170,7 @@ class Search:
         first = self.converged(first)
         if excess(fit) >= LIMITS.far_off:
             self.restart.begin(fit, first, gained)
-        others = [s for s in self.leading(scores) if s.effect != first.effect]
+        others = [s for s in scores.leading if s.effect != first.effect]
         return self.rivals(fit, first, others)
 
     def explains_everything(self, before: Fit, after: Fit) -> bool:
