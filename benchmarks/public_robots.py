@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-HOLD_OUT = 2 / 3  # of one recording, what is fitted
+FITTED = 2 / 3  # of a single recording; the rest is held out
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Recording:
     tau: Array
     held_out: bool = False
 
-    def halves(self) -> dict[str, Recording]:
+    def split(self) -> dict[str, Recording]:
         """The first part to fit and the rest to hold out."""
-        cut = int(HOLD_OUT * len(self.time))
+        cut = int(FITTED * len(self.time))
         return {
             "first": Recording(self.time[:cut], self.theta[:cut], self.tau[:cut]),
             "rest": Recording(self.time[cut:], self.theta[cut:], self.tau[cut:], held_out=True),
@@ -68,7 +68,7 @@ def _panda(clone: Path) -> dict[str, Recording]:
     time, theta, tau = (
         np.loadtxt(log / f"exciting_traj_{what}.txt") for what in ("time", "positions", "torques")
     )
-    return Recording(time, theta.reshape(-1, 7), tau.reshape(-1, 7)).halves()
+    return Recording(time, theta.reshape(-1, 7), tau.reshape(-1, 7)).split()
 
 
 UR10E_GAINS = np.array((14.87, 13.26, 11.13, 10.62, 11.03, 11.47))  # [Nm/A]
@@ -102,7 +102,7 @@ def _tiago(clone: Path) -> dict[str, Recording]:
     )
     # columns: time, torso lift, seven joints of the arm
     torque = currents[:, 2:9] * TIAGO_GEARS * TIAGO_CONSTANTS
-    return Recording(positions[:, 0], positions[:, 2:9], torque).halves()
+    return Recording(positions[:, 0], positions[:, 2:9], torque).split()
 
 
 UR_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
