@@ -18,32 +18,29 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+
+from benchmarks.peers.prepare import moving_urdf
+from flexviz.measurements import GroupTable, write_set
 
 Array = NDArray[np.float64]
 
 FITTED = 2 / 3  # of a single recording; the rest is held out
 
 
-@dataclass(frozen=True)
-class Recording:
-    """One motion: time [s], shape (N,); positions [rad] and torques [Nm], shape (N, n)."""
+def _group(name: str, time: Array, theta: Array, tau: Array, held_out: bool = False) -> GroupTable:
+    return GroupTable(name, name, "none", time, theta, tau, validation=held_out)
 
-    time: Array
-    theta: Array
-    tau: Array
-    held_out: bool = False
 
-    def split(self) -> dict[str, Recording]:
-        """The first part to fit and the rest to hold out."""
-        cut = int(FITTED * len(self.time))
-        return {
-            "first": Recording(self.time[:cut], self.theta[:cut], self.tau[:cut]),
-            "rest": Recording(self.time[cut:], self.theta[cut:], self.tau[cut:], held_out=True),
-        }
+def _split(time: Array, theta: Array, tau: Array) -> list[GroupTable]:
+    """The first part of one motion to fit, and the rest to hold out."""
+    cut = int(FITTED * len(time))
+    return [
+        _group("first", time[:cut], theta[:cut], tau[:cut]),
+        _group("rest", time[cut:], theta[cut:], tau[cut:], held_out=True),
+    ]
 
 
 @dataclass(frozen=True)
@@ -54,21 +51,21 @@ class Source:
         repository: folder of the clone.
         robot: path of its URDF in the clone, or a name as measurement sets have it.
         joints: that were recorded.
-        read: clone → group → recording.
+        read: clone → groups.
     """
 
     repository: str
     robot: str
     joints: tuple[str, ...]
-    read: Callable[[Path], dict[str, Recording]]
+    read: Callable[[Path], list[GroupTable]]
 
 
-def _panda(clone: Path) -> dict[str, Recording]:
+def _panda(clone: Path) -> list[GroupTable]:
     log = clone / "matlab/data/Exciting_Traj/Trajectory_1/rbt_log"
     time, theta, tau = (
         np.loadtxt(log / f"exciting_traj_{what}.txt") for what in ("time", "positions", "torques")
     )
-    return Recording(time, theta.reshape(-1, 7), tau.reshape(-1, 7)).split()
+    return _split(time, theta.reshape(-1, 7), tau.reshape(-1, 7))
 
 
 UR10E_GAINS = np.array((14.87, 13.26, 11.13, 10.62, 11.03, 11.47))  # [Nm/A]
@@ -79,30 +76,28 @@ UR10E_FILES = {
 }
 
 
-def _ur10e(clone: Path) -> dict[str, Recording]:
-    recordings = {}
+def _ur10e(clone: Path) -> list[GroupTable]:
+    groups = []
     for name, held_out in UR10E_FILES.items():
         table = np.loadtxt(clone / "dataset_ur10e" / name, delimiter=",", ndmin=2)
         # columns: time, six positions, six velocities, six currents, ...
-        label = Path(name).stem.replace(".", "_")
-        recordings[label] = Recording(
-            table[:, 0] - table[0, 0], table[:, 1:7], table[:, 13:19] * UR10E_GAINS, held_out
-        )
-    return recordings
+        time, torque = table[:, 0] - table[0, 0], table[:, 13:19] * UR10E_GAINS
+        groups.append(_group(Path(name).stem, time, table[:, 1:7], torque, held_out))
+    return groups
 
 
 TIAGO_GEARS = np.array((100.0, 100.0, 100.0, 100.0, 336.0, 336.0, 336.0))
 TIAGO_CONSTANTS = np.array((0.136, 0.136, -0.087, -0.087, -0.0613, -0.0613, -0.0613))  # [Nm/A]
 
 
-def _tiago(clone: Path) -> dict[str, Recording]:
+def _tiago(clone: Path) -> list[GroupTable]:
     log = clone / "examples/tiago/data/identification/dynamic"
     positions, currents = (
         np.loadtxt(log / f"tiago_{what}.csv", delimiter=",", skiprows=1) for what in ("position", "effort")
     )
     # columns: time, torso lift, seven joints of the arm
     torque = currents[:, 2:9] * TIAGO_GEARS * TIAGO_CONSTANTS
-    return Recording(positions[:, 0], positions[:, 2:9], torque).split()
+    return _split(positions[:, 0], positions[:, 2:9], torque)
 
 
 UR_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
@@ -125,33 +120,16 @@ SOURCES = {
 }
 
 
-def _urdf_without_shapes(file: Path) -> str:
-    """The text of a URDF without the shapes, whose mesh files lie elsewhere."""
-    tree = ElementTree.parse(file)
-    for link in tree.getroot().iter("link"):
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            link.remove(shape)
-    return ElementTree.tostring(tree.getroot(), encoding="unicode")
-
-
 def write(name: str, source: Source, work: Path) -> Path:
     """Convert one robot's recordings to a measurement set and return its folder."""
-    clone, folder = work / source.repository, work / "sets" / name
-    folder.mkdir(parents=True, exist_ok=True)
-    robot = source.robot
+    clone, robot, files = work / source.repository, source.robot, {}
     if robot.endswith(".urdf"):
-        (folder / "robot.urdf").write_text(_urdf_without_shapes(clone / robot), encoding="utf-8")
-        robot = "robot.urdf"
-    lines = ["format = 1", f'robot = "{robot}"', f"joints = {list(source.joints)}".replace("'", '"')]
-    lines += ["", "[payloads.none]", "bodies = []"]
-    head = ["time", *(f"theta_{j}" for j in source.joints), *(f"tau_{j}" for j in source.joints)]
-    for group, one in source.read(clone).items():
-        table = np.column_stack((one.time, one.theta, one.tau))
-        np.savetxt(folder / f"{group}.csv", table, "%.9g", delimiter=",", header=",".join(head), comments="")
-        lines += ["", "[[groups]]", f'name = "{group}"', f'trajectory = "{group}"', 'payload = "none"']
-        lines += [f'file = "{group}.csv"', *(["validation = true"] if one.held_out else [])]
-    (folder / "measurements.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder
+        urdf = (clone / robot).read_text(encoding="utf-8")
+        robot, files = "robot.urdf", {"robot.urdf": moving_urdf(urdf, source.joints)}
+    return write_set(
+        work / "sets" / name, robot=robot, joints=source.joints, groups=source.read(clone),
+        payloads={"none": ()}, files=files, overwrite=True,
+    )  # fmt: skip
 
 
 def main(arguments: Sequence[str]) -> None:
