@@ -34,7 +34,8 @@ def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, 
     kept = tuple(group for group in measurements.groups if group.name not in still)
     text = (
         f"held-out {plural(len(still), 'group')} {listed(still)}: the robot stands still, where static "
-        "friction can take any value up to its limit; no effect was judged by what is measured there"
+        "friction can take any value up to its limit; what is measured there judges no effect and counts in "
+        "no error stated here"
     )
     return replace(measurements, groups=kept), [Note("other", text)]
 
