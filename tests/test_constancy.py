@@ -224,6 +224,8 @@ def test_the_start_is_given_or_found(demo: MeasurementSet, diagnosed_demo: Diagn
     other = OwnStart(demo, None, None)
     other.use(model)
     assert other.model() == (model, 0)
+    other.use(model, 12)
+    assert other.model() == (model, 12)
     found, steps = OwnStart(demo, lambda: None, never).model()
     layout, plain = layout_of(demo), identify(demo).model
     fit = FitContext(demo, layout).fit(layout, layout.vector(plain), iterations=steps)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import effect_at_place, forward_search
-from flexviz.diagnosis.acceptance import excess
-from flexviz.diagnosis.comparison import SearchStep
+from flexviz.diagnosis.acceptance import Gained, excess
+from flexviz.diagnosis.candidates import ModelStart
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.effect_at_place import effects_at_place
-from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
@@ -84,9 +85,63 @@ def test_an_effect_of_the_whole_robot_may_seem_to_act_at_one_place(
     assert step.after.x[-1] == pytest.approx(0.04, rel=0.02)
 
 
-def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
+def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of its refits, only those are continued that leave little more than the best one."""
+    continued = list[list[float]]()
+
+    def halving(self: Search, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
+        continued.append([excess(r.fit) for r in refitted])
+        return refitted
+
+    monkeypatch.setattr(Search, "halving", halving)
     measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
     assert found_at_place(measurements) == []
+    assert continued and all(max(left) <= 4 * min(left) for left in continued if left)
+
+
+@pytest.mark.parametrize(("left", "fits"), [(0.5, 0), (5.0, 1)])
+def test_refits_begin_afresh_where_something_else_may_bias_the_parameters(
+    left: float, fits: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not beside a torque that explains all that is missing, even if the side is not known."""
+    measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
+    layout = Layout(measurements.joints)
+    context = FitContext(measurements, layout)
+    base = context.fit(layout, context.start(layout).x, iterations=0)
+    place = UnknownPlace(UnknownInput(1, "motor", 1.0), layout, base.x, False, left, True)
+    search, afresh = Search(context, lambda text: None), []
+
+    def counted(start: ModelStart, iterations: int) -> Fit:
+        afresh.append(start.layout.effects)
+        return base
+
+    monkeypatch.setattr(search, "afresh", counted)
+    monkeypatch.setattr(search, "acceptable", lambda *_: None)
+    monkeypatch.setattr(effect_at_place, "best_refits", lambda *_: [])
+    assert effects_at_place(search, base, place) == [] and len(afresh) == fits
+
+
+def test_an_effect_is_measured_by_what_the_present_model_leaves_if_that_is_less(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parameters beside a torque at the place may leave far more, for the fit absorbs what is missing."""
+    measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
+    layout = Layout(measurements.joints)
+    context = FitContext(measurements, layout)
+    base = context.fit(layout, context.start(layout).x)
+    x = base.x.copy()
+    x[layout.compliance.start + 1] *= 5
+    start = context.fit(layout, x, iterations=0)
+    assert excess(start) > 2 * excess(base)
+    asked = []
+
+    def none(search: Search, fit: Fit, place: UnknownPlace, gained: Gained, most: float) -> None:
+        asked.append(most)
+
+    monkeypatch.setattr(effect_at_place, "_added", none)
+    place = UnknownPlace(UnknownInput(1, "transmission", 1.0), layout, x, True, 0.5, True)
+    assert effects_at_place(Search(context, lambda text: None), base, place) == []
+    assert asked[0] == pytest.approx(min(excess(base), excess(start) / 2), rel=1e-6)
 
 
 def test_two_effects_at_one_place_are_found_together(tmp_path: Path) -> None:

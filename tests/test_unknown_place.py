@@ -14,7 +14,6 @@ import pytest
 
 from flexviz.diagnosis import diagnose, forward_search
 from flexviz.diagnosis import pipeline as pipeline_module
-from flexviz.diagnosis import unknown_place as module
 from flexviz.diagnosis.beside_unknown import BesideUnknown
 from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -250,6 +249,28 @@ def test_one_torque_that_explains_everything_is_better_than_few_effects(
     pipeline.beside.close()
 
 
+def test_a_model_with_friction_that_was_fitted_before_the_search_is_not_fitted_again(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipeline = _Pipeline(demo, True, None, None, None)
+    pipeline.layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),))
+    monkeypatch.setattr(pipeline_module, "quiet", lambda _: False)
+    fits, fit = [], FitContext.fit
+
+    def recorded(self: FitContext, layout: Layout, x: np.ndarray, **options: Any) -> Fit:
+        found = fit(self, layout, x, **options)
+        if layout == pipeline.layout:
+            fits.append((options["iterations"], found.x))
+        return found
+
+    monkeypatch.setattr(FitContext, "fit", recorded)
+    assert not pipeline.near_noise_beside_reversals(cast(Any, None))
+    pipeline.prepared()
+    (first, x), (again, same) = fits
+    assert first > 0 == again and same == pytest.approx(x)
+    pipeline.beside.close()
+
+
 def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained(
     demo: MeasurementSet,
 ) -> None:
@@ -348,73 +369,3 @@ def test_effects_beside_a_model_error_have_to_explain_more_than_an_arbitrary_tor
     search.explain_the_rest()
     assert len(search.steps) == added
     assert (search.place is None) == (search.model_error_variance is not None) == bool(added)
-
-
-# where a fit starts: of a rigid robot, of the present model, of an input
-RIGID, FITTED, BESIDE = 1.0, 2.0, 3.0
-
-
-class Made:
-    """A context whose fits beside an input leave what `outcome` says, by input and start."""
-
-    def __init__(self, outcome: Callable[[UnknownInput, float], tuple[float, bool]]) -> None:
-        self.outcome, self.asked = outcome, list[tuple[UnknownInput, float, int]]()
-        tau = np.ones((1, 4, 2))
-        self.two_band = SimpleNamespace(narrow=SimpleNamespace(signals=SimpleNamespace(tau=tau)))
-
-    def start(self, layout: Layout) -> Any:
-        return SimpleNamespace(x=np.array([RIGID]))
-
-    def with_unknown_input(self, unknown: UnknownInput) -> Any:
-        def fit(layout: Layout, x: np.ndarray, *, iterations: int, check: Any) -> Any:
-            self.asked.append((unknown, x[0], iterations))
-            left, converged = self.outcome(unknown, x[0])
-            return SimpleNamespace(left=left, converged=converged, x=np.array([BESIDE]))
-
-        return SimpleNamespace(fit=fit)
-
-
-def place_of(made: Made, lacking: float, monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(module, "excess", lambda fit: fit.left)
-    fit: Any = SimpleNamespace(layout=Layout(("joint1", "joint2")), x=np.array([FITTED]), left=lacking)
-    return unknown_place(cast(FitContext, made), fit, lambda: None)
-
-
-def test_near_the_noise_fits_beside_an_input_start_from_the_model_and_idle_ones_end(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def outcome(unknown: UnknownInput, x: float) -> tuple[float, bool]:
-        if unknown.joint == 0:
-            return (0.1, True) if unknown.side == "link" else (5.0, False)
-        return 14.0, False
-
-    made = Made(outcome)
-    place = place_of(made, 16.0, monkeypatch)
-    assert place.unknown.side == "link" and place.unknown.joint == 0 and place.sure
-    first, more = made.asked[:6], made.asked[6:]
-    assert {x for _, x, _ in first} == {FITTED}
-    assert [(u.joint, u.side, x) for u, x, _ in more] == [(0, "motor", BESIDE), (0, "transmission", BESIDE)]
-
-
-@pytest.mark.parametrize(("there", "sure"), [(0.1, False), (50.0, True)])
-def test_a_side_whose_fit_went_astray_is_tried_from_where_another_explains_all(
-    there: float, sure: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What leaves more than no input at all says nothing about its side."""
-
-    def outcome(unknown: UnknownInput, x: float) -> tuple[float, bool]:
-        if unknown.joint == 0 and unknown.side == "link":
-            return 0.1, True
-        if unknown.joint == 0 and x == BESIDE:
-            return there, True
-        return 1e5, True
-
-    made = Made(outcome)
-    place = place_of(made, 100.0, monkeypatch)
-    assert place.unknown.side == "link" and place.sure == sure
-    assert {x for _, x, _ in made.asked[:6]} == {RIGID}
-    assert [(u.joint, u.side, x) for u, x, _ in made.asked[6:]] == [
-        (1, "motor", FITTED),
-        (0, "motor", BESIDE),
-        (0, "transmission", BESIDE),
-    ]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import Gained, excess, removed_share, structured
+from flexviz.diagnosis.acceptance import Gained, excess, structured
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep, unscored
 from flexviz.diagnosis.constancy import explained_by_drift
@@ -49,24 +49,31 @@ def effects_at_place(search: Search, fit: Fit, place: UnknownPlace) -> list[Sear
     except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
         return []
     search.say(stages.AT_PLACE.format(place.joint))
-    nothing = Gained(0.0, np.zeros(start.layout.n))
-    first = _added(search, start, place, nothing)
+    nothing, lacking = Gained(0.0, np.zeros(start.layout.n)), min(excess(start), excess(fit))
+    # a fit without the effect may have absorbed most of what it explains
+    first = _added(search, start, place, nothing, most=min(lacking, _half(start)))
     if first is None and excess(fit) < needed.from_present:
-        first = _added(search, fit, place, nothing)
+        first = _added(search, fit, place, nothing, most=_half(fit))
     if first is None or first.after.objective > fit.objective:
         return []
-    first = replace(first, before=fit)
-    if removed_share(start, first.after) >= needed.explained or explained_by_drift(context, first.after):
+    first, enough = replace(first, before=fit), (1 - needed.explained) * lacking
+    if excess(first.after) <= enough or explained_by_drift(context, first.after):
         return [first]
     gained = Gained.by_effects(first.after, context.without_effects(fit))
-    second = _added(search, first.after, place, gained)
-    if second is None or removed_share(start, second.after) < needed.explained:
-        return []
-    return [first, second]
+    second = _added(search, first.after, place, gained, most=_half(first.after))
+    return [] if second is None or excess(second.after) > enough else [first, second]
 
 
-def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> SearchStep | None:
-    """The effect at a place that explains most of what a fit leaves; earlier effects gained `gained`."""
+def _half(fit: Fit) -> float:
+    """What an effect may leave of the excess of a fit to be of use."""
+    return (1 - THRESHOLDS.unknown_place.explained_first) * excess(fit)
+
+
+def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained, most: float) -> SearchStep | None:
+    """The effect at a place that explains most of what a fit leaves.
+
+    It leaves an excess of less than `most`; earlier effects gained `gained`.
+    """
     joint, entry = place.unknown.joint, place.entry(excess(fit))
 
     def may_act(effect: ChosenEffect) -> bool:
@@ -79,7 +86,8 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> Sea
     for effect in candidates(fit.layout, context.measurements.groups):
         if effect.joint == joint and may_act(effect) and EFFECTS[effect.effect].underrated:
             tried[effect] = ranked.get(effect) or unscored(effect, fit)
-    biased = entry is None and excess(fit) > LIMITS.far_off  # by something on another side
+    # by something on another side
+    biased = entry is None and not place.complete and excess(fit) > LIMITS.far_off
 
     def refit(at: ModelStart) -> Fit:
         found = search.fit_from(at, LIMITS.short_refit, near=fit)
@@ -97,10 +105,12 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained) -> Sea
         others = [s for s in tried.values() if s is not leader]
         refitted = search.rivals(fit, search.converged(first), others).refitted
     else:
-        most = (1 - THRESHOLDS.unknown_place.explained_first) * excess(fit)
         evaluate = partial(search.fit_from, iterations=0, near=fit)
         useful = [first] if excess(first.fit) < most else []
-        refitted = search.halving([*useful, *best_refits(more, refit, evaluate, most)])
+        useful += best_refits(more, refit, evaluate, most)
+        least = min((excess(r.fit) for r in useful), default=0.0)
+        near_best = THRESHOLDS.unknown_place.near_best * least
+        refitted = search.halving([r for r in useful if excess(r.fit) <= near_best])
     chosen = search.acceptable(fit, refitted, gained)
     if chosen is not None and structured(chosen.fit, fit):
         chosen = _damped(search, chosen)

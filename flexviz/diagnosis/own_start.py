@@ -31,18 +31,18 @@ class OwnStart:
     def __init__(
         self, measurements: MeasurementSet, given: GivenStart, should_stop: StopCallback | None
     ) -> None:
-        self._given = given
+        self._given, self._steps = given, 0
         self._own = Background(lambda: _fitted(measurements, should_stop), begin=given is None)
 
-    def use(self, model: FlexibleModel) -> None:
-        """Start from this model."""
+    def use(self, model: FlexibleModel, steps: int = 0) -> None:
+        """Start from this model, to which so many steps in units of the noise led."""
         self.close()
-        self._given = model
+        self._given, self._steps = model, steps
 
     def model(self) -> tuple[FlexibleModel, int]:
         """The start values, and how many steps in units of the noise led there."""
         found = self._given() if callable(self._given) else self._given
-        return (found, 0) if found is not None else self._own.result()
+        return (found, self._steps) if found is not None else self._own.result()
 
     def close(self) -> None:
         """End the fit."""

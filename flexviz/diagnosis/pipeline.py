@@ -223,7 +223,7 @@ class _Pipeline:
             many.search.forget()
             self.forward = search
         else:
-            self.start.use(self.layout.model(search.base.x))
+            self.start.use(self.layout.model(search.base.x), LIMITS.first_iterations)
         return near
 
     def check_stop(self) -> None:

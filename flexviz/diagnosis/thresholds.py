@@ -157,6 +157,7 @@ class UnknownPlaceThresholds:
     # beside it are also tried from there
     from_present: float = 30.0
     idle_share: float = 0.5  # of that excess: a fit from there that leaves more after `iterations` ends
+    far_more: float = 10.0  # times what inputs elsewhere leave at least: the same, where another explains all
     imitations: int = 6  # most effects that a search backwards has put in place of one law of no library
     # joints with a weighty one among them, which one law does not explain: 1 at most in 27 sets of seed 239
     imitated: int = 3
@@ -165,6 +166,7 @@ class UnknownPlaceThresholds:
     # resembled another law at most 0.91
     explained: float = 0.95
     explained_first: float = 0.5  # ... or, of two, the first this share, and the second this one of the rest
+    near_best: float = 4.0  # times the excess that the best of them leaves: refits that leave more end
     told: int = 3  # parameters that a note compares at most, if the input changes them by ...
     told_deviations: float = 4.0  # ... this many standard errors ...
     told_share: float = (

@@ -115,20 +115,19 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
         left = excess(found)
         return _Trial(unknown, found.x, left if np.isfinite(left) else np.inf, found.converged)
 
-    def idle(trial: _Trial) -> bool:
-        """Whether its first steps from the fit explain so little that more of them would not explain all."""
-        return near_noise and trial.left > LIMITS.idle_share * lacking
-
     rms = np.sqrt(np.mean(context.two_band.narrow.signals.tau[0] ** 2, axis=0))
     joints = _loudest(context, fit) if n > LIMITS.joints else range(n)
     first = shared(tried, [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES])
     leaders = [_best(t for t in first if t.unknown.joint == j) for j in joints]
-    more = [(t.unknown, t.x) for t in first if not t.converged and not idle(t)]
+    # near the noise, more steps of what explains little would not explain all
+    most = LIMITS.idle_share * lacking if near_noise else np.inf
+    hopeful = [t for t in first if t.left <= most and not _decided(t, first, near_noise)]
+    more = [(t.unknown, t.x) for t in hopeful if not t.converged]
     if not near_noise:
         more += [(t.unknown, fit.x) for t in leaders if t.left > LIMITS.reached]
     trials = [*first, *shared(lambda at: tried(*at, LIMITS.more_iterations), more)]
     best = _best(trials)
-    least = LIMITS.lead * best.left + LIMITS.least_lead
+    least = _least(best)
     if best.left > max(LIMITS.reached, LIMITS.left_share * lacking):
         return None
     if any(t.left < least for t in trials if t.unknown.joint != best.unknown.joint):
@@ -145,6 +144,23 @@ def _loudest(context: FitContext, fit: Fit) -> list[int]:
     """The joints whose own residual exceeds its noise most; that of others is not subtracted as in `chi`."""
     white = joint_residuals(context, fit)[0].white
     return [int(j) for j in np.argsort(-np.sum(white**2, axis=0))[: LIMITS.joints]]
+
+
+def _decided(trial: _Trial, trials: list[_Trial], near_noise: bool) -> bool:
+    """Whether more steps of a trial would change nothing, because another one explains all.
+
+    It began near the noise and leaves far more; or two other sides of its joint leave as little as the best.
+    """
+    least = _least(_best(trials))
+    if _best(trials).left > LIMITS.reached or trial.left <= least:
+        return False
+    sides = sum(t.left <= least for t in trials if t.unknown.joint == trial.unknown.joint)
+    return sides > 1 or (near_noise and trial.left > LIMITS.far_more * least)
+
+
+def _least(best: _Trial) -> float:
+    """Excess that inputs elsewhere leave at least, if the best one is at the right place."""
+    return LIMITS.lead * best.left + LIMITS.least_lead
 
 
 def _best(trials: Iterable[_Trial]) -> _Trial:
