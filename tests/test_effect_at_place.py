@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import pytest
 from flexviz.diagnosis import effect_at_place, forward_search
 from flexviz.diagnosis.acceptance import Gained, excess
 from flexviz.diagnosis.candidates import ModelStart
-from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
+from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.pipeline import Interrupted
@@ -85,18 +87,30 @@ def test_an_effect_of_the_whole_robot_may_seem_to_act_at_one_place(
     assert step.after.x[-1] == pytest.approx(0.04, rel=0.02)
 
 
-def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of its refits, only those are continued that leave little more than the best one."""
-    continued = list[list[float]]()
-
-    def halving(self: Search, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
-        continued.append([excess(r.fit) for r in refitted])
-        return refitted
-
-    monkeypatch.setattr(Search, "halving", halving)
+def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
     measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
     assert found_at_place(measurements) == []
-    assert continued and all(max(left) <= 4 * min(left) for left in continued if left)
+
+
+def test_only_refits_that_leave_little_more_than_the_best_are_continued(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forward = search_of(demo)
+    base, search, continued = forward.base, forward.search, []
+    left = {"best": 2.0, "close": 7.9, "far": 8.1}
+    refits = [SimpleNamespace(fit=name) for name in left]
+
+    def halving(refitted: list[Any]) -> list[Any]:
+        continued.append([r.fit for r in refitted])
+        return []
+
+    monkeypatch.setattr(effect_at_place, "excess", lambda fit: left[fit] if isinstance(fit, str) else 100.0)
+    monkeypatch.setattr(effect_at_place, "best_refits", lambda *_: refits)
+    monkeypatch.setattr(search, "explains_everything", lambda *_: False)
+    monkeypatch.setattr(search, "afresh", lambda *_: base)
+    monkeypatch.setattr(search, "halving", halving)
+    assert effects_at_place(search, base, replace(place_at(1, base.layout), x=base.x)) == []
+    assert continued == [["best", "close"]]
 
 
 @pytest.mark.parametrize(("left", "fits"), [(0.5, 0), (5.0, 1)])

@@ -86,7 +86,7 @@ def _added(search: Search, fit: Fit, place: UnknownPlace, gained: Gained, most: 
     for effect in candidates(fit.layout, context.measurements.groups):
         if effect.joint == joint and may_act(effect) and EFFECTS[effect.effect].underrated:
             tried[effect] = ranked.get(effect) or unscored(effect, fit)
-    # by something on another side
+    # something on another side may bias the parameters
     biased = entry is None and not place.complete and excess(fit) > LIMITS.far_off
 
     def refit(at: ModelStart) -> Fit:

@@ -119,10 +119,12 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
     joints = _loudest(context, fit) if n > LIMITS.joints else range(n)
     first = shared(tried, [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES])
     leaders = [_best(t for t in first if t.unknown.joint == j) for j in joints]
-    # near the noise, more steps of what explains little would not explain all
-    most = LIMITS.idle_share * lacking if near_noise else np.inf
-    hopeful = [t for t in first if t.left <= most and not _decided(t, first, near_noise)]
-    more = [(t.unknown, t.x) for t in hopeful if not t.converged]
+    leading, most = _best(first), np.inf
+    if near_noise:  # more steps of what leaves much would not explain all, or not as much as another
+        most = LIMITS.idle_share * lacking
+        if leading.left <= LIMITS.reached:
+            most = min(most, LIMITS.far_more * _least(leading))
+    more = [(t.unknown, t.x) for t in first if not (t.converged or t.left > most or _decided(t, first))]
     if not near_noise:
         more += [(t.unknown, fit.x) for t in leaders if t.left > LIMITS.reached]
     trials = [*first, *shared(lambda at: tried(*at, LIMITS.more_iterations), more)]
@@ -146,16 +148,12 @@ def _loudest(context: FitContext, fit: Fit) -> list[int]:
     return [int(j) for j in np.argsort(-np.sum(white**2, axis=0))[: LIMITS.joints]]
 
 
-def _decided(trial: _Trial, trials: list[_Trial], near_noise: bool) -> bool:
-    """Whether more steps of a trial would change nothing, because another one explains all.
-
-    It began near the noise and leaves far more; or two other sides of its joint leave as little as the best.
-    """
-    least = _least(_best(trials))
-    if _best(trials).left > LIMITS.reached or trial.left <= least:
-        return False
+def _decided(trial: _Trial, trials: list[_Trial]) -> bool:
+    """Whether another trial explains all, and on two other sides of this one's joint as little is left."""
+    best = _best(trials)
+    least = _least(best)
     sides = sum(t.left <= least for t in trials if t.unknown.joint == trial.unknown.joint)
-    return sides > 1 or (near_noise and trial.left > LIMITS.far_more * least)
+    return best.left <= LIMITS.reached and trial.left > least and sides > 1
 
 
 def _least(best: _Trial) -> float:
