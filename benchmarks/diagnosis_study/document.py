@@ -87,8 +87,8 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         tables.knowing(outcomes),
         "## Confidence",
         "Findings of all cases, decidable or not, by the confidence that was stated with them. The weights "
-        "are fitted to these cases; the first table says what comes of it when each half is judged with the "
-        "weights of the other.",
+        "are from other cases; the first table also says what comes of weights fitted to either half of "
+        "these and judged on the other.",
         tables.calibration(outcomes),
         "## Every case that should be right and is not",
         tables.wrong(outcomes),
