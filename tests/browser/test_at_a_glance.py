@@ -77,7 +77,7 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     until(lambda: page.locator(".fv-joints").count(), what="the legend")
     # joint2, which lacks its friction, is at the bright end; joint1 is at the noise
     until(lambda: np.abs(swatch(page, "joint2") - BRIGHT).max() < 12, what="a bright link")
-    assert sum(swatch(page, "joint1")) < 250
+    until(lambda: sum(swatch(page, "joint1")) < 250, SOON, "a dark link")
     until(lambda: yellow(page) > 150, what="a yellow robot")
     before = percent(page)
     page.get_by_role("button", name="Add and refit").first.click()
@@ -92,7 +92,8 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     bars = page.locator(".fv-stair .held")
     widths = [bars.nth(k).bounding_box()["width"] for k in range(until(lambda: bars.count() == 2 and 2))]
     assert widths[1] < widths[0] / 10, widths
-    assert "1. + Coulomb friction on joint2 ● shown" in page.inner_text("body").replace("\n", " ")
+    shown = "1. + Coulomb friction on joint2 ● shown"
+    until(lambda: shown in page.inner_text("body").replace("\n", " "), SOON, "the shown model")
     assert (
         bars.last.bounding_box()["y"]
         < page.locator(".uplot").filter(has_text="all joints").bounding_box()["y"]
@@ -102,7 +103,8 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     row(page, "Show model").get_by_role("button", name="0", exact=True).click()
     until(lambda: percent(page) == before, 60, "the error of the first model")
     until(lambda: yellow(page) > 150, 60, "its colours")
-    assert verdict.inner_text().startswith("Missing") and bars.count() == 2
+    until(lambda: verdict.inner_text().startswith("Missing"), SOON, "its verdict")
+    assert bars.count() == 2
     row(page, "Show model").get_by_role("button", name="1", exact=True).click()
     until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
     compared_side_by_side(page, shot)
@@ -224,7 +226,7 @@ def test_effects_are_ticked_on_all_joints_or_one(page: Any, shot: Any) -> None:
     until(lambda: model() == {"Coulomb friction": "✓✓"}, 60, "the effect on both joints")
     unfold(page, "Joint by joint", page.get_by_role("button", name="joint1", exact=True))
     press(page, "joint1", lambda: model() == {"Coulomb friction": "·✓"})  # one joint less
-    assert not row(page, "Coulomb friction").get_by_role("checkbox").is_checked()
+    until(lambda: not row(page, "Coulomb friction").get_by_role("checkbox").is_checked(), SOON, "no tick")
     shot(page, "matrix")
     page.get_by_role("button", name="joint1", exact=True).click()
     until(lambda: row(page, "Coulomb friction").get_by_role("checkbox").is_checked(), 60, "both joints again")
@@ -266,10 +268,12 @@ def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path:
     page.mouse.click(over["x"] + 0.25 * over["width"], y)
     until(lambda: node(page, "/measured/joint2") != still, 60, "the robot at the clicked instant")
     low, high = page.evaluate(SPANS)["Torque, joint1 [Nm]"]
-    typed = float(row(page, "Time [s]").locator("input:not([type=hidden])").first.input_value())
-    assert typed == pytest.approx(low + 0.25 * (high - low), abs=0.05)
+    typed = row(page, "Time [s]").locator("input:not([type=hidden])").first
+    clicked = pytest.approx(low + 0.25 * (high - low), abs=0.05)
+    until(lambda: float(typed.input_value()) == clicked, SOON, "the clicked instant")
     values = page.locator(".uplot").filter(has_text="Torque, joint1").first.locator(".u-value")
-    assert float(values.nth(1).inner_text().replace("−", "-")) and "--" not in values.nth(2).inner_text()
+    until(lambda: "--" not in values.nth(2).inner_text(), SOON, "the values under the cursor")
+    assert float(values.nth(1).inner_text().replace("−", "-"))
 
     # dragging zooms all plots over time alike, and moving the playhead keeps that
     page.mouse.move(over["x"] + 0.3 * over["width"], y)

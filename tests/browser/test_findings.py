@@ -16,7 +16,7 @@ from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.session import Session, save_session
-from tests.browser.page import button, leave_the_plots, press, status, tab, until, well_laid_out
+from tests.browser.page import SOON, button, leave_the_plots, press, status, tab, until, well_laid_out
 from tests.found import COULOMB, CURVE, DIAGNOSIS
 
 pytestmark = pytest.mark.browser
@@ -65,13 +65,13 @@ def test_what_a_diagnosis_offers(
     finding = page.locator(".fv-finding:visible")
     until(lambda: finding.count() == 1, what="the finding")
     assert "1. Coulomb friction on joints 1 and 2" in finding.inner_text()
-    assert page.get_by_role("button", name="Add and refit").first.is_enabled()
+    until(page.get_by_role("button", name="Add and refit").first.is_enabled, SOON, "a way to add it")
 
     # a tie offers the motion that decides; stopped, it is the best one so far, as files
     press(page, "Motion that would decide", lambda: "designing, " in status(page))
     button(page, "Stop").click()
     until(lambda: "best motion so far" in status(page), what="the motion")
-    assert "expected" in page.inner_text("body")
+    until(lambda: "expected" in page.inner_text("body"), SOON, "what it promises")
     well_laid_out(page)
     shot(page, "deciding")
     with page.expect_download(timeout=60_000) as download:

@@ -11,7 +11,7 @@ import pytest
 
 from flexviz.batch.batch import MARKER
 from flexviz.batch.table import TABLE, write_table
-from tests.browser.page import button, chart, row, status, tab, until, well_laid_out
+from tests.browser.page import SOON, button, chart, row, status, tab, until, well_laid_out
 from tests.small_set import write_small_set
 from tests.test_batch_fleet import fleet
 
@@ -51,7 +51,7 @@ def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page
     days, value, *_ = chart(page, "robot0: stiffness, joint1")
     assert days == [0, 30, 90, 120, 150] and value[-1] < value[0] - 40  # a failed set has no value
     opened = page.locator("tr.fv-open")
-    assert opened.locator("td").first.inner_text() == "2"
+    until(lambda: opened.locator("td").first.inner_text() == "2", SOON, "the open set")
     for width, height in ((1280, 800), (1920, 1080), (1440, 900)):
         page.set_viewport_size({"width": width, "height": height})
         well_laid_out(page)
@@ -63,9 +63,10 @@ def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page
     tab(page, "Fleet").click()
     lines.nth(7).locator("td").nth(1).click()
     until(lambda: opened.count() and opened.locator("td").first.inner_text() == "8", what="the other set")
-    assert row(page, "Measurement set").locator("input").first.input_value() == "set7"
+    chosen = row(page, "Measurement set").locator("input").first
+    until(lambda: chosen.input_value() == "set7", SOON, "its name in the list")
     until(lambda: page.locator(".fv", has_text="robot1/2025-02-09").count(), what="what was found about it")
     lines.nth(2).locator("td").nth(1).click()  # its folder is not there
     until(lambda: "not there any more" in status(page), what="the reason")
-    assert page.get_by_text("robot.urdf, <inertial>: no mass").count()
+    until(page.get_by_text("robot.urdf, <inertial>: no mass").count, SOON, "what went wrong with it")
     assert str(results.parent) not in page.content().replace(str(results.parent / "lost"), "")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import button, status, until
+from tests.browser.page import SOON, button, status, until
 
 pytestmark = pytest.mark.browser
 
@@ -45,4 +45,4 @@ def test_unsaved_work_outlives_a_killed_server(
     shot(again, "unsaved")
     offered.click()
     until(lambda: error(again) == known, what="the result again")
-    assert button(again, "Undo").is_enabled()
+    until(button(again, "Undo").is_enabled, SOON, "the undo")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import button, chart, choose, labels, row, tick, unfold, until, well_laid_out
+from tests.browser.page import SOON, button, chart, choose, labels, row, tick, unfold, until, well_laid_out
 
 pytestmark = pytest.mark.browser
 
@@ -70,12 +70,12 @@ def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any) -> None:
     until(lambda: field.input_value() == "1.92e7", 60, "6 · 20⁵")
     body = lambda: page.inner_text("body")  # noqa: E731
     until(lambda: "Poles of θ: −20.0 (6 times); of τ: the same" in body().replace("\n", " "), 60, "the poles")
-    assert not button(page, "Use these gains").is_enabled()
+    until(button(page, "Use these gains").is_disabled, SOON, "no use of these")
 
     # unstable is said, drawn, and cannot be used
     field.fill("1e8")
     until(lambda: "makes the observer unstable" in body() or "make the observer unstable" in body(), 60)
-    assert not button(page, "Use these gains").is_enabled()
+    until(button(page, "Use these gains").is_disabled, SOON, "no use of these")
     shot(page, "gains-unstable")
     field.fill("two")
     until(lambda: 'β5 is "two", expected a number' in body(), 60, "the refusal")
@@ -89,7 +89,7 @@ def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any) -> None:
     shot(page, "gains")
     button(page, "Use these gains").click()
     until(lambda: "gains set by hand" in body(), 60, "the gains in use")
-    assert row(page, "β1 τ").locator("input").first.input_value() == "130"
+    until(lambda: row(page, "β1 τ").locator("input").first.input_value() == "130", SOON, "β1 of τ")
     button(page, "Undo").click()
     until(lambda: "gains set by hand" not in body() and field.input_value() == "1.92e7", 60, "the undo")
     button(page, "Redo").click()
