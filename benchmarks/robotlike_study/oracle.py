@@ -2,9 +2,9 @@
 
 That fit is made twice, weighted by the sensors' noise and by its own residual in the band of the motion, as
 the diagnosis fits sets with few and with many effects; the better of the two in the held-out groups counts.
-It lacks laws of no library, for which its parameters stand in as far as they can. The diagnosis determines
-them beside such a law and offers a free curve for it: both errors are also stated with that curve, fitted
-together with everything else.
+It lacks laws of no library, for which its parameters stand in as far as they can. Where the diagnosis ends
+with a free curve for such a law, the error is also stated of that fit with the same curve, fitted together
+with everything else.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmarks.diagnosis_study.making import case_folder, truth_file
 from benchmarks.diagnosis_study.oracle import chosen, errors, with_hidden
 from benchmarks.robotlike_study.judging import UNKNOWN
 from benchmarks.robotlike_study.running import made_cases
-from flexviz.diagnosis import FitContext, diagnose, why_no_curve, with_free_curve
+from flexviz.diagnosis import FitContext, diagnose
 from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.effects import choose_effects, free_curve
 from flexviz.equation import Layout
@@ -41,26 +41,26 @@ class Compared:
     Attributes:
         found: of the last model of the diagnosis.
         oracle: of the fit that is given the hidden effects.
-        with_curve: both with the free curve that the diagnosis offers; None unless it ends with "unknown".
+        with_curve: of that fit with the free curves of the diagnosis; None if it has none.
         laws: number of hidden laws of no library.
     """
 
     name: str
     found: float
     oracle: float
-    with_curve: tuple[float, float] | None
+    with_curve: float | None
     laws: int
 
     def text(self) -> str:
         """One line."""
 
-        def stated(found: float, oracle: float) -> str:
-            ratio = found / oracle
-            return f"{100 * found:.3f} % of the torque, given the effects {100 * oracle:.3f} % (×{ratio:.3f})"
+        def given(what: str, error: float) -> str:
+            return f", given {what} {100 * error:.3f} % (×{self.found / error:.3f})"
 
         laws = f" ({self.laws} hidden law(s) of no library)" if self.laws else ""
-        curve = "" if self.with_curve is None else f"; with the free curve {stated(*self.with_curve)}"
-        return f"{self.name}{laws}: {stated(self.found, self.oracle)}{curve}"
+        curve = "" if self.with_curve is None else given("these and the free curve", self.with_curve)
+        found = f"{100 * self.found:.3f} % of the torque"
+        return f"{self.name}{laws}: {found}{given('the effects', self.oracle)}{curve}"
 
 
 def compare_all(work: Path, only: str) -> Iterator[Compared]:
@@ -70,13 +70,11 @@ def compare_all(work: Path, only: str) -> Iterator[Compared]:
         measurements = read_set(case_folder(work, name))
         result, plain = diagnose(measurements, apply=True), identify(measurements).model
         laws = sum(e["effect"] == UNKNOWN for e in truth["effects"])
-        both = None
-        if not why_no_curve(result):
-            more = with_free_curve(measurements, result)
-            curve = [e for e in more.model.effects if free_curve(e.effect)] if more.model else []
-            both = _norm(measurements, more.model), _least(measurements, plain, truth, curve)
+        assert result.model is not None
+        curves = [e for e in result.model.effects if free_curve(e.effect) is not None]
+        with_curve = _least(measurements, plain, truth, curves) if curves else None
         found = _norm(measurements, result.model)
-        yield Compared(name, found, _least(measurements, plain, truth, []), both, laws)
+        yield Compared(name, found, _least(measurements, plain, truth, []), with_curve, laws)
 
 
 def _least(measurements: MeasurementSet, plain: FlexibleModel, truth: Json, more: list[EffectValue]) -> float:
@@ -84,8 +82,7 @@ def _least(measurements: MeasurementSet, plain: FlexibleModel, truth: Json, more
     return min(_norm(measurements, model) for model in _given(measurements, plain, truth, more))
 
 
-def _norm(measurements: MeasurementSet, model: FlexibleModel | None) -> float:
-    assert model is not None
+def _norm(measurements: MeasurementSet, model: FlexibleModel) -> float:
     return float(np.linalg.norm(np.array(errors(measurements, model)) / measurements.torque_spread))
 
 

@@ -194,7 +194,12 @@ class Diagnose(SetTask[DiagnosedSet]):
         measurements = chosen_set(analysis)
         measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
         diagnosis = diagnose(
-            measurements, apply=self.apply, start=start, progress=progress, should_stop=should_stop
+            measurements,
+            apply=self.apply,
+            start=start,
+            free_curve=False,  # has a button of its own
+            progress=progress,
+            should_stop=should_stop,
         )
         if known is None and identification is None:
             if diagnosis.stopped and not diagnosis.findings:

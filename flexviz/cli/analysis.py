@@ -55,11 +55,12 @@ def diagnose(
     ),
     json_file: JsonOption = None,
     guard: GuardOption = None,
-    free_curve: bool = typer.Option(
-        False,
-        "--free-curve",
-        help='With --apply, after a last verdict of "unknown": add a free curve of what is left. '
-        "It is not physics.",
+    free_curve: bool | None = typer.Option(
+        None,
+        "--free-curve/--no-free-curve",
+        help='With --apply, after a last verdict of "unknown": also add a free curve of what no effect '
+        "explains, which is not physics. By default only where the effects were estimated beside one.",
+        show_default=False,
     ),
     draft_effect: Path | None = typer.Option(
         None,

@@ -1,4 +1,4 @@
-"""A free curve as a further step of a diagnosis that ended with "unknown": not physics, on request only."""
+"""A free curve as a further step of a diagnosis that ended with "unknown": not physics."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.after_rest import with_described_starts
-from flexviz.diagnosis.evidence import effect_values, explained_residual, made_step
+from flexviz.diagnosis.evidence import effect_values, made_step
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
-from flexviz.diagnosis.result import Diagnosis, EffectParameter, Finding
-from flexviz.diagnosis.rich_result import removed_share
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.diagnosis.result import Diagnosis
+from flexviz.diagnosis.rich_result import Stair, curve_finding
+from flexviz.effects import ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
@@ -44,7 +44,8 @@ def why_no_curve(diagnosis: Diagnosis) -> str:
         share, error = percent(curve.explained), percent(curve.explained_std)
         return f"the free curve of {curve.joint} explains {share} ± {error} of what is left: perhaps nothing"
     own = diagnosis.model.effects if diagnosis.model else ()
-    if any((e.effect, e.joint) in {(name, curve.joint) for name in curve.effects} for e in own):
+    present = (free_curve(e.effect) for e in own if e.joint == curve.joint)
+    if any(one is not None and one.variable == curve.variable for one in present):
         return f"the model has a free curve of {curve.variable} on {curve.joint} already"
     return ""
 
@@ -94,25 +95,8 @@ def _extended(
     """The diagnosis with the model of `after` as its last step."""
     layout, context = after.layout, after.context
     band = PredictionErrorBand(measurements)
-    errors = [band.errors(fit, context.first_phase) for fit in (before, after)]
-    added, where = layout.effect_slices()[-1]
-    std = after.covariance.standard_errors
-    specs = EFFECTS[added.effect].parameters
-    finding = Finding(
-        added.effect,
-        layout.joint_name(added),
-        None,
-        None,
-        score=removed_share(*errors),
-        confidence=0.0,  # that it is the physics behind the residual
-        parameters={
-            p.name: EffectParameter(float(v), float(e), p.unit)
-            for p, v, e in zip(specs, after.x[where], std[where], strict=True)
-        },
-        inseparable_from=(),
-        gain=float(before.objective - after.objective),
-        evidence=explained_residual(before.layout, added.joint, band, *errors),
-    )
+    last = Stair.of(layout.effects[-1], after, band)
+    finding = curve_finding(Stair.of(None, before, band), last, band)
     tell(stages.LOCATION)
     at_noise = FitContext(measurements, layout)
     fit = at_noise.fit(layout, after.x, iterations=0)
@@ -123,12 +107,12 @@ def _extended(
     return replace(
         diagnosis,
         where=places,
-        steps=(*diagnosis.steps, made_step(finding, after, errors[-1], "unknown")),
-        effects=effect_values(after, std),
+        steps=(*diagnosis.steps, made_step(finding, last, last.errors, "unknown")),
+        effects=effect_values(after, last.standard_errors),
         parameters=parameter_estimates(
             layout, after.x, prior.centre, after.covariance, after.at_bound, prior
         ),
-        notes=(*kept, *notes(fit, "unknown", errors[-1], None, left, None)),
+        notes=(*kept, *notes(fit, "unknown", last.errors, None, left, None)),
         model=layout.model(after.x),
         maps=maps,
         free_curve=left,

@@ -37,8 +37,6 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
     """
     before, effect, fit = step.before, step.chosen.effect, step.chosen.fit
     std = context.covariance(fit).standard_errors
-    where = fit.layout.effect_slice(effect)
-    specs = EFFECTS[effect.effect].parameters
     evidenced = features(before, fit, final)
     return Finding(
         effect.effect,
@@ -47,16 +45,20 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
         effect.payload,
         held_out_share(before, fit),
         probability(evidenced),
-        {
-            p.name: EffectParameter(float(v), float(e), p.unit)
-            for p, v, e in zip(specs, fit.x[where], std[where], strict=True)
-        },
+        own_parameters(effect, fit, std),
         () if step.scores is None else ties(context, step, step.scores),
         float(before.objective - fit.objective),
         absorbed(before, fit, std),
         shown,
         evidenced,
     )
+
+
+def own_parameters(effect: ChosenEffect, fit: Fitted, std: Array) -> dict[str, EffectParameter]:
+    """An effect's parameters in a model; std, of all its parameters, has shape (P,)."""
+    where = fit.layout.effect_slice(effect)
+    rows = zip(EFFECTS[effect.effect].parameters, fit.x[where], std[where], strict=True)
+    return {p.name: EffectParameter(float(v), float(e), p.unit) for p, v, e in rows}
 
 
 def uncertain(context: FitContext, step: SearchStep, final: Fit) -> bool:
@@ -188,17 +190,15 @@ def explained_residual(
 def effect_values(fit: Fitted, std: Array) -> tuple[dict[str, object], ...]:
     """Effects of a model with parameters and standard errors; std has shape (P,)."""
     out = []
-    for effect, where in fit.layout.effect_slices():
-        rows = zip(EFFECTS[effect.effect].parameters, fit.x[where], std[where], strict=True)
+    for effect in fit.layout.effects:
+        values = own_parameters(effect, fit, std)
         out.append(
             {
                 "effect": effect.effect,
                 "joint": fit.layout.joint_name(effect),
                 "group": effect.group,
                 "payload": effect.payload,
-                "parameters": {
-                    p.name: {"value": float(v), "std": float(e), "unit": p.unit} for p, v, e in rows
-                },
+                "parameters": {name: one._asdict() for name, one in values.items()},
             }
         )
     return tuple(out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +22,16 @@ from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.residual_location import Located, locate_residual
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.diagnosis.rich_result import features, findings, leaves_only_noise, staircase, steps, verdict_on
+from flexviz.diagnosis.rich_result import (
+    curve_finding,
+    curve_stairs,
+    features,
+    findings,
+    leaves_only_noise,
+    staircase,
+    steps,
+    verdict_on,
+)
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -36,6 +46,7 @@ from flexviz.wording import listed
 
 LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
+STOOD_IN = "stood in for it while the other effects were judged"
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +122,18 @@ class ManyEffects:
         """The model of a search that was stopped, if it has many effects; nothing is fitted any more."""
         return rich if len(rich.added(self.layout)) >= LIMITS.many else None
 
-    def result(self, rich: RichModel, apply: bool, guarded: bool, tell: Callable[[str], None]) -> Diagnosis:
+    def result(
+        self, rich: RichModel, apply: bool, curves: bool, guarded: bool, tell: Callable[[str], None]
+    ) -> Diagnosis:
         """The staircase of a model as a diagnosis; without `apply`, of the set's own model.
+
+        What is left and where is that of the model without its free curves: these explain nothing.
 
         Args:
             rich: the model.
             apply: whether the result describes this model. Not if an unknown law remains and no effect is
                 certain: the effects then probably imitate it.
+            curves: whether it ends with the free curves beside which the model was estimated.
             guarded: whether to check it against the observer's bandwidth.
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
@@ -136,15 +152,22 @@ class ManyEffects:
             last = "missing"
         if not apply:
             stairs = stairs[:1]
-        taken = steps(stairs, found if apply else [], last)
+        added = found if apply else []
+        unexplained, shown = stairs[-1].errors, rich.curves if apply and curves else ()
+        if shown:
+            more = curve_stairs(rich, self.band)
+            added += [curve_finding(*pair, self.band) for pair in pairwise([stairs[-1], *more])]
+            stairs += more
+        taken = steps(stairs, added, last)
         if seen is None:
             tell(stages.LOCATION)
             seen = self.inspected(self.context.fit(stairs[0].layout, stairs[0].x, iterations=0), (), last)
-        final, model, bandwidths = seen.fit, seen.model, None
+        final, bandwidths = seen.fit, None
+        model = without_curves(final, ()) if shown else seen.model
         if guarded:
             tell(stages.BANDWIDTH)
             bandwidths = check_bandwidth(self.measurements, model.layout, model.x)
-        unexplained = final.sigma**2 if last == "unknown" else None
+        variance = final.sigma**2 if last == "unknown" else None
         prior, covariance = self.context.start(model.layout).prior, model.covariance(final)
         return Diagnosis(
             set_name=self.measurements.name,
@@ -158,8 +181,8 @@ class ManyEffects:
             ),
             seconds=0.0,
             notes=(
-                *self.remarks(final, seen.curves, last),
-                *notes(seen.at_noise, last, stairs[-1].errors, unexplained, seen.free_curve, bandwidths),
+                *self.remarks(final, seen.curves, last, bool(shown)),
+                *notes(seen.at_noise, last, unexplained, variance, seen.free_curve, bandwidths),
             ),
             model=model.layout.model(model.x),
             maps=seen.located.maps,
@@ -178,8 +201,10 @@ class ManyEffects:
         curve = fit_free_curve(context, at_noise, located.places[0], located.parts) if unknown else None
         return InspectedModel(fit, curves, model, at_noise, located, curve)
 
-    def remarks(self, final: MotionFit, curves: Sequence[ChosenEffect], last: Verdict) -> list[Note]:
-        """What the final model explains, and what was judged apart."""
+    def remarks(
+        self, final: MotionFit, curves: Sequence[ChosenEffect], last: Verdict, shown: bool
+    ) -> list[Note]:
+        """What the final model explains, what was judged apart, and the free curves; `shown`: it has them."""
         joints = self.layout.joints
         share = 1 - (final.held_out_rms() / self.context.spread) ** 2
         which = "held-out" if final.held_out else "fitted"
@@ -199,11 +224,9 @@ class ManyEffects:
             law = free_curve(curve.effect)
             assert law is not None
             joint = joints[curve.place.own_joint]
-            text = (
-                f"{joint} follows a law that is not in the library: a free curve of {law.variable} stood in "
-                "for it while the other effects were judged"
-            )
-            out.append(Note("other", text))
+            does = "stands for it in the model: not physics" if shown else STOOD_IN
+            text = f"{joint} follows a law that is not in the library: a free curve of {law.variable} {does}"
+            out.append(Note("stopgap" if shown else "other", text))
         return out
 
 

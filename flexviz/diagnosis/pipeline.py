@@ -52,7 +52,7 @@ def diagnose(
     apply: bool = False,
     start: GivenStart = None,
     guarded: bool | None = None,
-    free_curve: bool = False,
+    free_curve: bool | None = None,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> Diagnosis:
@@ -65,7 +65,8 @@ def diagnose(
         start: start values, or a function that finds them when needed; default: a plain identification.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise for no known reason.
-        free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
+        free_curve: with `apply`, after a last verdict of "unknown": whether the final model has a free curve
+            of what no effect explains. Default: only if the effects were estimated beside one.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
@@ -73,7 +74,7 @@ def diagnose(
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
         pipeline = _Pipeline(measurements, apply, start, progress, should_stop)
         with pipeline.beside:
-            result = pipeline.run(guarded)
+            result = pipeline.run(guarded, free_curve is not False)
         if apply and free_curve and not why_no_curve(result):
             result = pipeline.with_curve(result)
         if result.stopped and not result.findings and (best := pipeline.news.so_far) is not None:
@@ -131,7 +132,7 @@ class _Pipeline:
         if self.progress is not None:
             self.progress(self.news)
 
-    def run(self, guarded: bool | None) -> Diagnosis:
+    def run(self, guarded: bool | None, curves: bool) -> Diagnosis:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say, self.standing)
         rich, begun = None, False
         try:
@@ -152,7 +153,8 @@ class _Pipeline:
             del many, rich
             return self.result(guarded)
         if rich is not None:
-            result = many.result(rich, self.apply, bool(guarded) and not self.stopped, self.tell)
+            guard = bool(guarded) and not self.stopped
+            result = many.result(rich, self.apply, curves, guard, self.tell)
             return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)
         if not begun:
             few = many.search.few

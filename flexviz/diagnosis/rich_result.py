@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.confidence import probability_among_many
 from flexviz.diagnosis.elimination import Necessity, by_weight
-from flexviz.diagnosis.evidence import absorbed, explained_residual, made_step
+from flexviz.diagnosis.evidence import absorbed, explained_residual, made_step, own_parameters
 from flexviz.diagnosis.model_family import RichModel, without_curves
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import EffectParameter, Finding, Step, Tie
+from flexviz.diagnosis.result import Finding, Step, Tie
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
@@ -58,7 +58,8 @@ class Stair:
         model = without_curves(fit, curves)
         std = model.covariance(fit).standard_errors
         errors = band.errors(model, fit.context.first_phase)
-        return Stair(added, model.layout, model.x, fit.objective, std, errors)
+        whole = fit.context.fit(model.layout, model.x, iterations=0) if curves else fit
+        return Stair(added, model.layout, model.x, whole.objective, std, errors)
 
 
 def staircase(
@@ -85,6 +86,12 @@ def staircase(
     # the largest models, which take longest, first
     done, stairs = alongside(own_work, stair, range(len(ordered))[::-1])
     return done, [*stairs[::-1], Stair.of(added[-1], rich.fit, band, rich.curves)]
+
+
+def curve_stairs(rich: RichModel, band: PredictionErrorBand) -> list[Stair]:
+    """The final model with one more of its free curves at a time."""
+    curves = rich.curves
+    return [Stair.of(curve, rich.fit, band, curves[k + 1 :]) for k, curve in enumerate(curves)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:
@@ -117,8 +124,6 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
     for before, after in pairwise(stairs):
         assert after.added is not None
         effect, need = after.added, rich.needed[after.added]
-        where = rich.fit.layout.effect_slice(effect)
-        specs = EFFECTS[effect.effect].parameters
         shown = features(rich, effect, need)
         yield Finding(
             effect.effect,
@@ -127,16 +132,31 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
             effect.payload,
             score=removed_share(before.errors, after.errors),
             confidence=probability_among_many(shown),
-            parameters={
-                p.name: EffectParameter(float(v), float(e), p.unit)
-                for p, v, e in zip(specs, rich.fit.x[where], std[where], strict=True)
-            },
+            parameters=own_parameters(effect, rich.fit, std),
             inseparable_from=tuple(ties(rich, effect)),
             gain=float(before.objective - after.objective),
             absorbed=absorbed(before, after, after.standard_errors),
             evidence=explained_residual(before.layout, effect.joint, band, before.errors, after.errors),
             features=shown,
         )
+
+
+def curve_finding(before: Stair, after: Stair, band: PredictionErrorBand) -> Finding:
+    """A free curve that a stair adds."""
+    curve = after.added
+    assert curve is not None
+    return Finding(
+        curve.effect,
+        after.layout.joint_name(curve),
+        None,
+        None,
+        score=removed_share(before.errors, after.errors),
+        confidence=0.0,  # that it is the physics behind the residual
+        parameters=own_parameters(curve, after, after.standard_errors),
+        inseparable_from=(),
+        gain=before.objective - after.objective,
+        evidence=explained_residual(before.layout, curve.joint, band, before.errors, after.errors),
+    )
 
 
 def features(rich: RichModel, effect: ChosenEffect, need: Necessity) -> tuple[float, ...]:
@@ -201,7 +221,8 @@ def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
 
 
 def steps(stairs: list[Stair], found: list[Finding], last: Verdict) -> list[Step]:
-    """The staircase as steps of a result."""
-    verdicts: list[Verdict] = [*("missing" for _ in found), last]
+    """The staircase as steps of a result; `last` is the verdict on the model with all effects."""
+    effects = sum(not one.stopgap for one in found)
+    verdicts: list[Verdict] = [*("missing" for _ in range(effects)), *(last for _ in stairs[effects:])]
     each = zip([None, *found], stairs, verdicts, strict=True)
     return [made_step(added, stair, stair.errors, verdict) for added, stair, verdict in each]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 
+from flexviz.effects import free_curve
 from flexviz.model import EffectValue
 from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, ResultFields, StepEntry
 from flexviz.results.tables import in_ascii, plain_table
@@ -15,6 +16,7 @@ from flexviz.wording import (
     absorbed_list,
     by_share,
     confidence_range,
+    curve_text,
     explained,
     families,
     joint_score,
@@ -59,7 +61,9 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
         units = {(one.joint, one.variable): one.unit for one in result.maps}
         groups = [group.name for group in last.groups] if last is not None else []
         span = in_ascii(span_text(place, units.get((place.joint, place.variable), ""), groups))
-        out.append(f"what is left on {place.joint} follows {place.variable}, mostly {span}")
+        curved = {effect.joint for effect in result.all_effects if free_curve(effect.effect) is not None}
+        left = "no effect explains" if place.joint in curved else "is left"
+        out.append(f"what {left} on {place.joint} follows {place.variable}, mostly {span}")
     skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
     skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason
     out += [f"note: {note}" for note in result.notes if note not in skipped]
@@ -135,7 +139,9 @@ def place_text(one: PlaceEntry) -> str:
 
 
 def values(candidate: CandidateEntry | EffectEntry) -> str:
-    """ "coulomb 3.000 ± 0.012 Nm"."""
+    """ "coulomb 3.000 ± 0.012 Nm"; of a free curve its range and its extremes."""
+    if free_curve(candidate.effect) is not None:
+        return in_ascii(curve_text(list(candidate.parameters.values())))
     return ", ".join(
         in_ascii(f"{name} {value_text(candidate.effect, name, one)}")
         for name, one in candidate.parameters.items()

@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, Field, ValidationInfo, field_validator, model_validator
 
+from flexviz.effects import free_curve
 from flexviz.results.base import (
     Column,
     Grade,
@@ -193,9 +194,14 @@ class GroupErrorEntry(ResultEntry):
 
 
 class AddedEntry(PlaceEntry):
-    """An effect that a step adds."""
+    """An effect that a step adds; a free curve has no confidence: it is not physics."""
 
     confidence: Number | None = None
+
+    @field_validator("confidence")
+    @classmethod
+    def _of_physics(cls, value: float | None, info: ValidationInfo) -> float | None:
+        return None if free_curve(info.data.get("effect", "")) is not None else value
 
 
 class StepEntry(ResultEntry):
