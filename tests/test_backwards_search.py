@@ -391,7 +391,7 @@ def test_a_stop_during_the_staircase_does_not_discard_what_copies_do(demo, monke
     monkeypatch.setattr(many_effects, "staircase", stopped_within)
     with on_cores(2), stopped_by(lambda: bool(stops)):
         result = many_effects_of(demo).result(
-            RichModel(fit, eliminate(fit).kept), True, False, lambda _: None
+            RichModel(fit, eliminate(fit).kept), True, True, False, lambda _: None
         )
     assert [step.verdict for step in result.steps] == ["missing", "nothing-missing"]
     assert done_by[0] != os.getpid()

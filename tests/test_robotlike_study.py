@@ -286,6 +286,13 @@ def test_scoring_of_a_result() -> None:
     assert not matches(TRUTH["effects"][0], added("coulomb_friction", "joint2"))
 
 
+def test_a_free_curve_is_false_only_where_no_law_of_no_library_acts() -> None:
+    right, wrong = (
+        score(TRUTH, result(added("free_curve_friction", joint))) for joint in ("joint2", "joint1")
+    )
+    assert not right.additions and [a.effect for a in wrong.false] == ["free_curve_friction"]
+
+
 FAKE = """
 import json, pathlib, sys, time
 assert sys.argv[1] == "diagnose" and sys.argv[3:5] == ["--apply", "--json"], sys.argv

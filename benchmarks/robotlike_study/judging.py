@@ -4,7 +4,8 @@ An effect must be found if its rms torque on the held-out motion is at least 3 %
 torque. It counts as found when the final model has it, or a twin, on its joint. Twins are motor and link
 Coulomb friction, which stiff joints cannot tell apart, and spring and offset, as the rest angle of a spring
 is an offset. What the final model has besides is false, unless it stands on a joint with a law of no library:
-there it is an imitation, counted apart. For the calibration an imitation is wrong.
+there it is an imitation, counted apart. For the calibration an imitation is wrong. A free curve claims only
+that some law of no library acts on its joint, and is false where none does.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
+
+from flexviz.effects import free_curve
 
 Json = dict[str, Any]
 
@@ -124,11 +127,13 @@ def matches(true: Json, added: Json) -> bool:
 def score(truth: Json, result: Json) -> Scored:
     """One case: its truth, and the result of its diagnosis."""
     library = [e for e in truth["effects"] if e["effect"] != UNKNOWN]
-    laws = [e for e in truth["effects"] if e["effect"] == UNKNOWN and e["share"] >= MUST]
+    every_law = [e for e in truth["effects"] if e["effect"] == UNKNOWN]
+    laws = [e for e in every_law if e["share"] >= MUST]
     got = result.get("diagnosis") or {}
     final = got.get("model", {}).get("effects", [])
     steps = got.get("steps") or []
-    places = {e["joint"] for e in laws}
+    additions = _additions(library, {e["joint"] for e in laws}, got, final)
+    curved = {e["joint"] for e in every_law}
     return Scored(
         case=truth["case"],
         robot=truth["robot"],
@@ -138,7 +143,7 @@ def score(truth: Json, result: Json) -> Scored:
             for e in library
         ),
         laws=tuple(e.get("kind", UNKNOWN) for e in laws),
-        additions=tuple(_additions(library, places, got, final)),
+        additions=tuple(a for a in additions if free_curve(a.effect) is None or a.joint not in curved),
         last=steps[-1].get("verdict") if steps else got.get("verdict"),
         held_out=_held_out(steps),
         parameter_errors=tuple(_parameter_errors(library, final)),

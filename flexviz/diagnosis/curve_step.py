@@ -25,7 +25,6 @@ from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.wording import percent
 
-CERTAIN = 2.0  # standard errors that a curve has to explain
 # kinds of notes that are renewed, or are of the model without the curve
 OLD_NOTES = ("free-curve", "stopgap", "unexplained", "changing", "unbiased", "bandwidth", "model-error")
 
@@ -40,7 +39,7 @@ def why_no_curve(diagnosis: Diagnosis) -> str:
         return "the diagnosis was stopped before it computed a free curve"
     if not curve.effects:
         return f"what is left on {curve.joint} follows {curve.variable}, for which there is no free curve"
-    if curve.explained < CERTAIN * curve.explained_std:
+    if not curve.certain:
         share, error = percent(curve.explained), percent(curve.explained_std)
         return f"the free curve of {curve.joint} explains {share} ± {error} of what is left: perhaps nothing"
     own = diagnosis.model.effects if diagnosis.model else ()

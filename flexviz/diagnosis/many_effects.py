@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -18,19 +17,18 @@ from flexviz.diagnosis.model_family import PlainModel, RichModel, without_curves
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.notes import notes
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.records import FreeCurve
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
+from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ResidualMap
 from flexviz.diagnosis.residual_location import Located, locate_residual
-from flexviz.diagnosis.result import Diagnosis
+from flexviz.diagnosis.result import Diagnosis, ResidualLocation
 from flexviz.diagnosis.rich_result import (
-    curve_finding,
-    curve_stairs,
     features,
     findings,
     leaves_only_noise,
     staircase,
     steps,
     verdict_on,
+    with_curves,
 )
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
@@ -46,7 +44,6 @@ from flexviz.wording import listed
 
 LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
-STOOD_IN = "stood in for it while the other effects were judged"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,17 +53,19 @@ class InspectedModel:
     Attributes:
         fit: of the model.
         curves: free curves beside which it was fitted.
-        model: without them.
-        at_noise: the model evaluated in units of the noise.
-        located: where its residual lies.
-        free_curve: of the residual; None unless the verdict is "unknown".
+        model: as shown: with them or without.
+        at_noise: the shown model evaluated in units of the noise.
+        where: where the residual without the curves lies.
+        maps: of the shown model's residual.
+        free_curve: of that residual; None unless the verdict is "unknown".
     """
 
     fit: MotionFit
     curves: Sequence[ChosenEffect]
     model: PlainModel
     at_noise: Fit
-    located: Located
+    where: tuple[ResidualLocation, ...]
+    maps: tuple[ResidualMap, ...]
     free_curve: FreeCurve | None
 
 
@@ -127,13 +126,13 @@ class ManyEffects:
     ) -> Diagnosis:
         """The staircase of a model as a diagnosis; without `apply`, of the set's own model.
 
-        What is left and where is that of the model without its free curves: these explain nothing.
+        Where something is left is said of the model without its free curves: they explain nothing.
 
         Args:
             rich: the model.
             apply: whether the result describes this model. Not if an unknown law remains and no effect is
                 certain: the effects then probably imitate it.
-            curves: whether it ends with the free curves beside which the model was estimated.
+            curves: whether it ends with the model's free curves.
             guarded: whether to check it against the observer's bandwidth.
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
@@ -143,68 +142,70 @@ class ManyEffects:
         apply = apply and not imitations
 
         def own_work() -> InspectedModel | None:
-            return self.inspected(rich.fit, rich.curves, last) if apply else None
+            return self.inspected(rich.fit, rich.curves, curves, last) if apply else None
 
         with stopped_by(never):
             seen, stairs = staircase(self.context, self.layout, rich, self.band, own_work)
         found = list(findings(stairs, rich, self.band))
         if found and not apply and not imitations:
             last = "missing"
+        added = found
         if not apply:
-            stairs = stairs[:1]
-        added = found if apply else []
-        unexplained, shown = stairs[-1].errors, rich.curves if apply and curves else ()
-        if shown:
-            more = curve_stairs(rich, self.band)
-            added += [curve_finding(*pair, self.band) for pair in pairwise([stairs[-1], *more])]
-            stairs += more
+            stairs, added = stairs[:1], []
+        elif curves:
+            stairs, added = with_curves(stairs, found, rich, self.band)
         taken = steps(stairs, added, last)
         if seen is None:
             tell(stages.LOCATION)
-            seen = self.inspected(self.context.fit(stairs[0].layout, stairs[0].x, iterations=0), (), last)
-        final, bandwidths = seen.fit, None
-        model = without_curves(final, ()) if shown else seen.model
-        if guarded:
-            tell(stages.BANDWIDTH)
-            bandwidths = check_bandwidth(self.measurements, model.layout, model.x)
-        variance = final.sigma**2 if last == "unknown" else None
+            own = self.context.fit(stairs[0].layout, stairs[0].x, iterations=0)
+            seen = self.inspected(own, (), False, last)
+        final, model = seen.fit, seen.model
+        bandwidths = self.checked(model, tell) if guarded else None
         prior, covariance = self.context.start(model.layout).prior, model.covariance(final)
         return Diagnosis(
             set_name=self.measurements.name,
             verdict=taken[0].verdict,
             findings=tuple(found[:LISTED_CANDIDATES]),
-            where=seen.located.places,
+            where=seen.where,
             steps=tuple(taken),
             effects=effect_values(model, covariance.standard_errors),
             parameters=parameter_estimates(
                 model.layout, model.x, prior.centre, covariance, final.at_bound[model.kept], prior
             ),
             seconds=0.0,
-            notes=(
-                *self.remarks(final, seen.curves, last, bool(shown)),
-                *notes(seen.at_noise, last, unexplained, variance, seen.free_curve, bandwidths),
-            ),
+            notes=(*self.remarks(final, seen.curves, last), *said(seen, last, stairs[-1].errors, bandwidths)),
             model=model.layout.model(model.x),
-            maps=seen.located.maps,
+            maps=seen.maps,
             free_curve=seen.free_curve,
             guard=bandwidths,
             torque_spread=self.measurements.torque_spread,
         )
 
-    def inspected(self, fit: MotionFit, curves: Sequence[ChosenEffect], last: Verdict) -> InspectedModel:
-        """What a model leaves; a free curve of it if the last verdict is "unknown"."""
-        model = without_curves(fit, curves)
-        context = FitContext(self.measurements, model.layout)
-        at_noise = context.fit(model.layout, model.x, iterations=0)
-        located = locate_residual(context, at_noise)
+    def checked(self, model: PlainModel, tell: Callable[[str], None]) -> BandwidthCheck:
+        """A model's parameters against the observer's bandwidth."""
+        tell(stages.BANDWIDTH)
+        return check_bandwidth(self.measurements, model.layout, model.x)
+
+    def inspected(
+        self, fit: MotionFit, curves: Sequence[ChosenEffect], kept: bool, last: Verdict
+    ) -> InspectedModel:
+        """What a model leaves, whose free curves are `kept` or not; if "unknown", a curve of the rest."""
+        plain = without_curves(fit, curves)
+        model = without_curves(fit, ()) if kept else plain
+        context, at_noise, located = self.located(model)
+        where = self.located(plain)[2].places if kept and curves else located.places
         unknown = last == "unknown"
         curve = fit_free_curve(context, at_noise, located.places[0], located.parts) if unknown else None
-        return InspectedModel(fit, curves, model, at_noise, located, curve)
+        return InspectedModel(fit, curves, model, at_noise, where, located.maps, curve)
 
-    def remarks(
-        self, final: MotionFit, curves: Sequence[ChosenEffect], last: Verdict, shown: bool
-    ) -> list[Note]:
-        """What the final model explains, what was judged apart, and the free curves; `shown`: it has them."""
+    def located(self, model: PlainModel) -> tuple[FitContext, Fit, Located]:
+        """A model in units of the noise, and where its residual lies."""
+        context = FitContext(self.measurements, model.layout)
+        at_noise = context.fit(model.layout, model.x, iterations=0)
+        return context, at_noise, locate_residual(context, at_noise)
+
+    def remarks(self, final: MotionFit, curves: Sequence[ChosenEffect], last: Verdict) -> list[Note]:
+        """What the final model explains, and what was judged apart."""
         joints = self.layout.joints
         share = 1 - (final.held_out_rms() / self.context.spread) ** 2
         which = "held-out" if final.held_out else "fitted"
@@ -224,10 +225,20 @@ class ManyEffects:
             law = free_curve(curve.effect)
             assert law is not None
             joint = joints[curve.place.own_joint]
-            does = "stands for it in the model: not physics" if shown else STOOD_IN
-            text = f"{joint} follows a law that is not in the library: a free curve of {law.variable} {does}"
-            out.append(Note("stopgap" if shown else "other", text))
+            text = (
+                f"{joint} follows a law that is not in the library: a free curve of {law.variable} stood in "
+                "for it while the other effects were judged"
+            )
+            out.append(Note("other", text))
         return out
+
+
+def said(
+    seen: InspectedModel, last: Verdict, errors: PredictionErrors, bandwidths: BandwidthCheck | None
+) -> tuple[Note, ...]:
+    """Notes that accompany a verdict of either search."""
+    unexplained = seen.fit.sigma**2 if last == "unknown" else None
+    return notes(seen.at_noise, last, errors, unexplained, seen.free_curve, bandwidths)
 
 
 def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:

@@ -61,7 +61,7 @@ def notes(
             f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
         )
         out.append(Note("unexplained", f"unexplained residual (Nm): {left}"))
-    if curve is not None:
+    if curve is not None and curve.certain:
         sides = " and the direction of motion" if len(curve.directions) > 1 else ""
         text = (
             f"a free curve against the {curve.variable}{sides} of {curve.joint} explains "

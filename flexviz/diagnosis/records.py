@@ -26,6 +26,7 @@ UNITS = {
 }
 DIRECTIONS = ("forward", "backward")
 DIRECTION_GAIN = 0.05  # additional share that position and direction together have to explain
+CERTAIN = 2.0  # standard errors that a free curve has to explain
 FREE_CURVE_NOTE = "a stopgap fitted to the residual, not a model: it shows where, not why"
 
 
@@ -96,6 +97,11 @@ class FreeCurve:
     smoothing: float
     note: str = FREE_CURVE_NOTE
     form: str = ""
+
+    @property
+    def certain(self) -> bool:
+        """Whether it explains anything beyond doubt."""
+        return self.explained >= CERTAIN * self.explained_std
 
     def simple_form(self) -> CurveForm | None:
         """The simple law that the curve resembles."""

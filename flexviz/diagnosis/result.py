@@ -174,8 +174,9 @@ class Diagnosis:
         set_name: the measurement set.
         verdict: "missing", "nothing-missing" or "unknown", for the set's own model.
         findings: ranked candidates for the set's own model.
-        where: locations of the final model's residual; if the place of an unknown law is known, with
-            parameters that the law does not bias, like `maps` and `free_curve`.
+        where: locations of what no effect explains: of the final model's residual, without free curves
+            beside which it was estimated; if the place of an unknown law is known, with parameters that the
+            law does not bias, like `maps` and `free_curve`.
         steps: initial model, then one step per added effect.
         effects: effects of the final model with their parameters.
         parameters: parameters of the final model.

@@ -88,12 +88,6 @@ def staircase(
     return done, [*stairs[::-1], Stair.of(added[-1], rich.fit, band, rich.curves)]
 
 
-def curve_stairs(rich: RichModel, band: PredictionErrorBand) -> list[Stair]:
-    """The final model with one more of its free curves at a time."""
-    curves = rich.curves
-    return [Stair.of(curve, rich.fit, band, curves[k + 1 :]) for k, curve in enumerate(curves)]
-
-
 def verdict_on(rich: RichModel) -> Verdict:
     """Whether the final model is complete: no unknown law, and every joint near its noise.
 
@@ -139,6 +133,16 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
             evidence=explained_residual(before.layout, effect.joint, band, before.errors, after.errors),
             features=shown,
         )
+
+
+def with_curves(
+    stairs: list[Stair], found: list[Finding], rich: RichModel, band: PredictionErrorBand
+) -> tuple[list[Stair], list[Finding]]:
+    """A staircase and what it adds, continued with one more of the final model's free curves at a time."""
+    curves = rich.curves
+    more = [Stair.of(curve, rich.fit, band, curves[k + 1 :]) for k, curve in enumerate(curves)]
+    pairs = pairwise([stairs[-1], *more])
+    return [*stairs, *more], [*found, *(curve_finding(*pair, band) for pair in pairs)]
 
 
 def curve_finding(before: Stair, after: Stair, band: PredictionErrorBand) -> Finding:

@@ -88,11 +88,17 @@ def added_lines(result: ResultFields) -> Iterator[str]:
 
     listed = {(key(candidate), candidate.confidence) for candidate in result.candidates}
     last = {key(effect): effect for effect in result.model.effects} if result.model is not None else {}
+    forms = {
+        (curve.effect, curve.joint): f"; its form is that of {curve.form}"
+        for curve in result.curves
+        if curve.form
+    }
     for added in (step.added for step in result.steps if step.added is not None):
         if (key(added), added.confidence) not in listed:
             found = f": {values(last[key(added)])}" if key(added) in last else ""
             sure = f"; confidence {added.confidence:.2f}" if added.confidence is not None else ""
-            yield f"then added: {added.effect} on {place_text(added)}{found}{sure}"
+            form = in_ascii(forms.get((added.effect, added.joint), ""))
+            yield f"then added: {added.effect} on {place_text(added)}{found}{sure}{form}"
 
 
 def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
