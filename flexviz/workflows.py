@@ -203,9 +203,13 @@ def record(
             file.recorder.diagnosis(found)
             if found.stopped:
                 raise Cancelled
-            for name in [step.added.text for step in found.steps if step.added is not None]:
-                effects = [*effects, name]
-                _solve(file, effects, f"+ {name}", options, results)
+            for step in found.steps:
+                if step.added is None:
+                    continue
+                effects = [*effects, step.added.text]
+                # a free curve's many nodes are fitted from far off slowly, and not to the same minimum
+                model = step.model if step.added.stopgap else None
+                _solve(file, effects, f"+ {step.added.text}", options | {"model": model}, results)
         file.simulate(results[-1], file.part(0.5, 1.0))
         file.step("writing", 1.0)
     assert file.written is not None

@@ -251,6 +251,7 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(
     assert curve_chart.title.startswith("In the model: Free curve of velocity")
     page = session_report(app.store.session, measurements)
     assert "Added: Free curve of velocity" in page and "A stopgap, not physics" in page
+    assert "A free curve on joint2, which is not physics, stands for what is unknown." in page
     assert "In the model: Free curve of velocity" in page
 
     folder = save_session(app.store.session, measurements, tmp_path / "saved")

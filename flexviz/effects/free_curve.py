@@ -289,5 +289,5 @@ _BY_NAME = {curve.name: curve for curve in (*CURVES, *STAND_INS)}
 
 
 def free_curve(effect: str) -> FreeCurveEffect | None:
-    """The free curve of this name; None for a physical effect."""
-    return _BY_NAME.get(effect)
+    """The free curve of this name, or of this text (`name:joint`); None for a physical effect."""
+    return _BY_NAME.get(effect.partition(":")[0])

@@ -187,7 +187,7 @@ def hatch(series: Sequence[ChartSeries], hatched: Sequence[int]) -> list[ChartSe
 
 def is_stopgap(text: str) -> bool:
     """Whether an effect, by its text, is a free curve."""
-    return free_curve(text.partition(":")[0]) is not None
+    return free_curve(text) is not None
 
 
 def staircase_html(

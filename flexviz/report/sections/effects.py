@@ -88,7 +88,7 @@ def _added(content: ReportContent, texts: Sequence[str]) -> Section:
     found = tuple(finding for text in texts if (finding := known[text]) is not None)
     if len(found) == len(texts):
         return _part("Added", Family(found), content.joints)
-    if all(free_curve(text.partition(":")[0]) for text in texts):
+    if all(map(free_curve, texts)):
         stopgap = "A stopgap, not physics: it lowers the error of the recorded motion only."
         return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(stopgap))
     unknown = "Added by hand, or by a diagnosis that is not in the session any more."
@@ -144,7 +144,7 @@ def _ranking(content: ReportContent) -> ReportTable | None:
                     Cell(finding_name(finding), strong=added),
                     values_text(finding),
                     share_text(finding.score),
-                    share_text(finding.confidence),
+                    "–" if finding.stopgap else share_text(finding.confidence),
                     "added" if added else "",
                 ]
             )
@@ -201,7 +201,7 @@ def next_experiments(content: ReportContent, found: Sequence[Finding]) -> list[s
     names = [f.effect for f in found] or [text.partition(":")[0] for text, _ in content.added]
     for name in dict.fromkeys(names):
         effect = EFFECTS.get(name)
-        if effect is not None:
+        if effect is not None and not effect.stopgap:
             confirm = effect.confirm[:1].lower() + effect.confirm[1:]
             out.append(f"To confirm {effect_text_name(name)}: {confirm}")
     return list(dict.fromkeys(out))

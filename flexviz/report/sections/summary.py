@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.diagnosis import PredictionErrors, Step
+from flexviz.effects import free_curve
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
 from flexviz.wording import (
@@ -12,6 +13,7 @@ from flexviz.wording import (
     SAID_AS_SHARES,
     by_share,
     left_text,
+    listed,
     mean_nrms,
     number,
     percent,
@@ -54,9 +56,13 @@ def sentence(content: ReportContent) -> str:
     joints, worst = content.joints, ""
     if content.steps:
         worst = joints[by_share(judged(content.steps[-1]), content.spread)[0]]
-    names = text_names([name for name, _ in content.added], joints)
-    words = verdict_text(content.diagnosis, names, joints=joints, worst=worst)
-    return f"{words} {fall(content.steps, content.spread)}".strip() if names else words
+    added = [name for name, _ in content.added]
+    names = text_names([name for name in added if free_curve(name) is None], joints)
+    curved = [name.partition(":")[2] for name in added if free_curve(name) is not None]
+    words = [verdict_text(content.diagnosis, names, joints=joints, worst=worst)]
+    if curved:
+        words.append(f"A free curve on {listed(curved)}, which is not physics, stands for what is unknown.")
+    return " ".join((*words, fall(content.steps, content.spread))).strip() if added else words[0]
 
 
 def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
@@ -95,7 +101,8 @@ def numbers(content: ReportContent) -> list[Tile]:
         tiles.append(Tile("Noise floor", percent(mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
     beside = f"beside {plural(own, 'effect')} of the set" if own else ""
-    tiles.append(Tile("Effects added", str(len(content.analysis.effects)), beside))
+    effects = [text for text in content.analysis.effects if free_curve(text) is None]
+    tiles.append(Tile("Effects added", str(len(effects)), beside))
     main = [p for p in content.parameters if p.name not in INERTIAL]
     if main:
         good = sum(p.identifiable == "yes" for p in main)
