@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz import diagnose
-from flexviz.diagnosis import Diagnosis
+from flexviz.diagnosis import Diagnosis, why_no_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
@@ -72,6 +72,7 @@ def test_the_law_is_still_located_and_what_is_left_is_mapped(ended: Diagnosis, w
     place = ended.where[0]
     assert (place.joint, place.variable) == ("joint2", "velocity") and place.explained > 0.8
     assert ended.where == without.where
+    assert ended.free_curve is None and "joint2" in why_no_curve(ended) and not why_no_curve(without)
     assert {one.variable: one.explained for one in ended.maps if one.joint == "joint2"}["velocity"] < 0.2
 
 

@@ -35,6 +35,10 @@ def why_no_curve(diagnosis: Diagnosis) -> str:
     curve = diagnosis.free_curve
     if last != "unknown":
         return f'the verdict is "{last}", a free curve is for "unknown"'
+    own = diagnosis.model.effects if diagnosis.model else ()
+    present = [(one, e.joint) for e in own if (one := free_curve(e.effect)) is not None]
+    if curve is None and present:
+        return f"the model has one on {present[-1][1]}, and another one would explain nothing"
     if curve is None:
         return "the diagnosis was stopped before it computed a free curve"
     if not curve.effects:
@@ -42,9 +46,7 @@ def why_no_curve(diagnosis: Diagnosis) -> str:
     if not curve.certain:
         share, error = percent(curve.explained), percent(curve.explained_std)
         return f"the free curve of {curve.joint} explains {share} ± {error} of what is left: perhaps nothing"
-    own = diagnosis.model.effects if diagnosis.model else ()
-    present = (free_curve(e.effect) for e in own if e.joint == curve.joint)
-    if any(one is not None and one.variable == curve.variable for one in present):
+    if any((one.variable, joint) == (curve.variable, curve.joint) for one, joint in present):
         return f"the model has a free curve of {curve.variable} on {curve.joint} already"
     return ""
 

@@ -57,7 +57,7 @@ class InspectedModel:
         at_noise: the shown model evaluated in units of the noise.
         where: where the residual without the curves lies.
         maps: of the shown model's residual.
-        free_curve: of that residual; None unless the verdict is "unknown".
+        free_curve: of that residual; None unless "unknown", or if nothing is left beside `curves`.
     """
 
     fit: MotionFit
@@ -193,9 +193,12 @@ class ManyEffects:
         plain = without_curves(fit, curves)
         model = without_curves(fit, ()) if kept else plain
         context, at_noise, located = self.located(model)
-        where = self.located(plain)[2].places if kept and curves else located.places
-        unknown = last == "unknown"
-        curve = fit_free_curve(context, at_noise, located.places[0], located.parts) if unknown else None
+        where, curve = located.places, None
+        if last == "unknown":
+            curve = fit_free_curve(context, at_noise, located.places[0], located.parts)
+        if kept and curves:
+            where = self.located(plain)[2].places
+            curve = curve if curve is not None and curve.certain else None
         return InspectedModel(fit, curves, model, at_noise, where, located.maps, curve)
 
     def located(self, model: PlainModel) -> tuple[FitContext, Fit, Located]:
