@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz import diagnose
+from flexviz import diagnose, identify
+from flexviz.batch.rows import fleet_row
+from flexviz.batch.sources import BatchSet
+from flexviz.batch.tasks import TaskResult
 from flexviz.diagnosis import Diagnosis, why_no_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
@@ -100,6 +103,13 @@ def test_a_document_states_its_extremes_and_no_confidence(ended: Diagnosis) -> N
     (line,) = (line for line in ended.summary().splitlines() if line.startswith("then added"))
     assert " rad: " in line and "value_1" not in line and "confidence" not in line
     assert "what no effect explains on joint2 follows velocity" in ended.summary()
+
+
+def test_a_fleet_lists_effects_and_their_parameters_only(ended: Diagnosis, demo: MeasurementSet) -> None:
+    found = {"identification": identify(demo).to_dict(), "diagnosis": ended.to_dict()}
+    row = fleet_row(BatchSet("demo", demo.path, "arm"), "key", TaskResult(key="key", result=found))
+    assert row.state == "done" and row.final_verdict == "unknown" and row.found == ()
+    assert "stiffness:joint2" in row.parameters and not any("free_curve" in name for name in row.parameters)
 
 
 @pytest.mark.slow

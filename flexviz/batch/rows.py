@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
+from flexviz.effects import free_curve
 from flexviz.results import ResultDocument
 from flexviz.wording import INERTIAL, mean_nrms
 
@@ -106,7 +107,8 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
     identified = ResultDocument.from_dict(content["identification"])
     diagnosed = ResultDocument.from_dict(content["diagnosis"]) if content.get("diagnosis") else None
     final = diagnosed or identified
-    added = [step.added for step in diagnosed.steps if step.added is not None] if diagnosed else []
+    steps = (step.added for step in diagnosed.steps) if diagnosed else ()
+    added = [one for one in steps if one is not None and free_curve(one.effect) is None]
     before, after = _errors(identified, diagnosed)
     return FleetRow(
         **common,
@@ -123,7 +125,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         parameters={
             p.label: FleetValue(p.value, p.std, p.unit, p.identifiable)
             for p in final.all_parameters
-            if p.name not in INERTIAL
+            if p.name not in INERTIAL and free_curve(p.name.partition(".")[0]) is None
         },
     )
 

@@ -58,7 +58,7 @@ def sentence(content: ReportContent) -> str:
         worst = joints[by_share(judged(content.steps[-1]), content.spread)[0]]
     added = [name for name, _ in content.added]
     names = text_names([name for name in added if free_curve(name) is None], joints)
-    curved = [name.partition(":")[2] for name in added if free_curve(name) is not None]
+    curved = list(dict.fromkeys(name.partition(":")[2] for name in added if free_curve(name) is not None))
     words = [verdict_text(content.diagnosis, names, joints=joints, worst=worst)]
     if curved:
         words.append(f"A free curve on {listed(curved)}, which is not physics, stands for what is unknown.")
