@@ -125,7 +125,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         parameters={
             p.label: FleetValue(p.value, p.std, p.unit, p.identifiable)
             for p in final.all_parameters
-            if p.name not in INERTIAL and free_curve(p.name.partition(".")[0]) is None
+            if p.name not in INERTIAL and free_curve(p.name) is None
         },
     )
 

@@ -239,7 +239,7 @@ class ManyEffects:
 def said(
     seen: InspectedModel, last: Verdict, errors: PredictionErrors, bandwidths: BandwidthCheck | None
 ) -> tuple[Note, ...]:
-    """Notes that accompany a verdict of either search."""
+    """The notes that a verdict of either search has, here on a model of the search backwards."""
     unexplained = seen.fit.sigma**2 if last == "unknown" else None
     return notes(seen.at_noise, last, errors, unexplained, seen.free_curve, bandwidths)
 

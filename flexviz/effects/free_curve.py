@@ -289,5 +289,5 @@ _BY_NAME = {curve.name: curve for curve in (*CURVES, *STAND_INS)}
 
 
 def free_curve(effect: str) -> FreeCurveEffect | None:
-    """The free curve of this name, or of this text (`name:joint`); None for a physical effect."""
-    return _BY_NAME.get(effect.partition(":")[0])
+    """The free curve of a name, text (`name:joint`) or parameter (`name.high`); None for an effect."""
+    return _BY_NAME.get(effect.partition(":")[0].partition(".")[0])

@@ -46,7 +46,7 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
     if result.verdict is not None:
         return diagnosis_parts(result, width)
     wide = width >= WIDE
-    shown = [p for p in result.all_parameters if free_curve(p.name.partition(".")[0]) is None]
+    shown = [p for p in result.all_parameters if free_curve(p.name) is None]
     out: list[Table | str] = [parameter_table(shown, ties=wide)]
     out += [] if wide else tied_lines(shown)
     out += [part for curve in result.curves for part in curve_parts(curve)]

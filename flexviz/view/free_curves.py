@@ -61,7 +61,7 @@ def free_html(curve: FreeCurve | None) -> str:
 
 def physical(parameters: Sequence[ParameterEstimate]) -> list[ParameterEstimate]:
     """The parameters without those of free curves, which are shown as charts."""
-    return [p for p in parameters if free_curve(p.name.partition(".")[0]) is None]
+    return [p for p in parameters if free_curve(p.name) is None]
 
 
 def model_curve_charts(parameters: Sequence[ParameterEstimate], height: int = 190) -> tuple[Chart, ...]:
