@@ -53,7 +53,7 @@ TWO_BAND_FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # bandwidths relative to the one
 PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # the same for a single observer
 # residuals are compared up to this share of the narrowest bandwidth; flat bands have no droop
 COMPARED_SHARE, COMPARED_SHARE_FLAT = 0.5, 1.0
-LIMITS = THRESHOLDS.bandwidth
+LIMITS = THRESHOLDS.evidence
 
 
 def check_bandwidth(

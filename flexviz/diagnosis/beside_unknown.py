@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.constancy import ChangingSize
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residual_location import Located, locate_residual
 from flexviz.diagnosis.residuals import JointResiduals, samples
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_place import UnknownPlace
+from flexviz.diagnosis.unknown_input import UnknownPlace
+from flexviz.diagnosis.varying_size import ChangingSize
 from flexviz.diagnosis.vibration import vibration
 from flexviz.estimation import Covariance
 from flexviz.identification import parameter_estimates
@@ -22,7 +22,9 @@ from flexviz.wording import interval, number, plain_name
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.unknown_place
+LIMITS = THRESHOLDS.evidence
+TOLD = 3  # parameters that a note compares at most
+ROUGHLY = 0.2  # error of those beside an input on the motor side, which also changes the deflection
 
 COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how the unknown law biases them
 
@@ -63,7 +65,7 @@ class BesideUnknown:
         yield Note("place", text)
         told = self._told(context, biased) if self.place.complete and self.place.converged else {}
         if told:
-            largest = sorted(told, key=lambda text: -told[text])[: LIMITS.told]
+            largest = sorted(told, key=lambda text: -told[text])[:TOLD]
             yield Note("unbiased", f"beside this arbitrary torque: {', '.join(largest)}")
 
     def _told(self, context: FitContext, biased: Fit) -> dict[str, float]:
@@ -75,10 +77,10 @@ class BesideUnknown:
             for x in (self.fit.x, biased.x)
         )
         told, roughly = {}, self.place.unknown.side == "motor"
-        least = LIMITS.told_share_roughly if roughly else LIMITS.told_share
+        least = ROUGHLY if roughly else 0.0
         for one, other in zip(here, without, strict=True):
             change = abs(one.value - other.value)
-            clear = change > max(LIMITS.told_deviations * one.std, least * abs(one.value))
+            clear = change > max(LIMITS.deviations * one.std, least * abs(one.value))
             # what acts on its motor or within it may pass for a property of the joint
             on_link = self.place.sure and self.place.unknown.side == "link"
             apart = on_link or one.joint != self.place.joint

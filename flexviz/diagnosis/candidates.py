@@ -25,17 +25,6 @@ class ModelStart:
     x: Array
 
 
-@dataclass(frozen=True)
-class NearNoise(ModelStart):
-    """A model near the noise of every joint: the set's own one, or that with one effect.
-
-    Attributes:
-        rivals: effects that score best, its own among them; none if the set's own model needs no effect.
-    """
-
-    rivals: frozenset[ChosenEffect] = frozenset()
-
-
 def is_episode(effect: ChosenEffect) -> bool:
     """Whether an effect acts for a while in one group only."""
     return EFFECTS[effect.effect].scope == "episode"

@@ -8,8 +8,7 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.after_rest import with_described_starts
-from flexviz.diagnosis.evidence import effect_values, made_step
+from flexviz.diagnosis.findings import Stair, curve_finding, effect_values, made_step
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
@@ -17,7 +16,6 @@ from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.diagnosis.rich_result import Stair, curve_finding
 from flexviz.effects import ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.errors import InputError
@@ -77,7 +75,6 @@ def with_free_curve(
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
-            context.first_phase = with_described_starts(before)
         tell(stages.FREE_CURVE)
         fits: list[MotionFit] = []
         for name in curve.effects:
@@ -96,8 +93,10 @@ def _extended(
     """The diagnosis with the model of `after` as its last step."""
     layout, context = after.layout, after.context
     band = PredictionErrorBand(measurements)
-    last = Stair.of(layout.effects[-1], after, band)
-    finding = curve_finding(Stair.of(None, before, band), last, band)
+    phase = context.first_phase
+    first = Stair(None, before.layout, before.x, before.covariance, band.errors(before, phase))
+    last = Stair(layout.effects[-1], layout, after.x, after.covariance, band.errors(after, phase))
+    finding = curve_finding(first, last, band)
     tell(stages.LOCATION)
     at_noise = FitContext(measurements, layout)
     fit = at_noise.fit(layout, after.x, iterations=0)
@@ -109,7 +108,7 @@ def _extended(
         diagnosis,
         where=places,
         steps=(*diagnosis.steps, made_step(finding, last, last.errors, "unknown")),
-        effects=effect_values(after, last.standard_errors),
+        effects=effect_values(after, last.covariance.standard_errors),
         parameters=parameter_estimates(
             layout, after.x, prior.centre, after.covariance, after.at_bound, prior
         ),

@@ -16,7 +16,8 @@ from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.motion
+LIMITS = THRESHOLDS.prior
+MASSLESS_WEIGHT = 0.1  # of the prior of a body that is a dummy
 
 
 def firm_start(
@@ -40,7 +41,7 @@ def firm_start(
     logs[layout.motor_inertia] = LIMITS.motor_inertia_spread if known else LIMITS.guessed_spread
     masses = given.robot.cad_parameters[:, 0]
     real = masses > LIMITS.massless * masses.max()
-    weight = np.where(real, LIMITS.inertial_spread**-2, LIMITS.massless_weight)
+    weight = np.where(real, LIMITS.inertial_spread**-2, MASSLESS_WEIGHT)
     spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
     # stiff joints do not show how viscous friction is split between motor and link
     speed = np.sqrt(np.mean(signals.theta[1] ** 2, axis=0)) + 1e-9

@@ -1,51 +1,23 @@
-"""Models of the search backwards: the rich one, thinner ones, ones with other or more effects."""
+"""Models in the band of the motion: the rich one, and ones with more effects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, sizes
-from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, Hopeless, MotionContext, MotionFit
-from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance, ScoredCandidate
-from flexviz.parallel import allowed_cores, shared
 
 Array = NDArray[np.float64]
-Item = TypeVar("Item")
 
-LIMITS = THRESHOLDS.motion
+RICH_ITERATIONS = 12  # of the rich model, which need not converge
+SMALL_START = 1e-3  # share of a typical size from which it starts
 (OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
-
-
-@dataclass(frozen=True, eq=False)
-class RichModel:
-    """The smallest model found.
-
-    Attributes:
-        fit: its fit.
-        needed: how much it needs each of its effects.
-        curves: free curves in place of unknown laws, which the fit has beside the model.
-    """
-
-    fit: MotionFit
-    needed: dict[ChosenEffect, Necessity]
-    curves: tuple[ChosenEffect, ...] = ()
-
-    def added(self, own: Layout) -> list[ChosenEffect]:
-        """Effects beyond the set's own model."""
-        return [e for e in self.needed if e not in own.effects and e not in self.curves]
-
-    @property
-    def model(self) -> PlainModel:
-        """The model without its curves."""
-        return without_curves(self.fit, self.curves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,29 +57,16 @@ class ModelFamily:
         say: called with a progress message; may raise to stop.
 
     Attributes:
-        curves: free curves that stand for unknown laws in every fit.
+        curves: free curves that stand for unknown laws.
     """
 
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         self.context, self.own, self.say = context, own, say
         self.curves: tuple[ChosenEffect, ...] = ()
 
-    def fit(
-        self,
-        layout: Layout,
-        x: Array,
-        iterations: int = MAX_ITERATIONS,
-        hopeless: Hopeless | None = None,
-    ) -> MotionFit:
+    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
         """A model fitted from x, shape (P,)."""
-        return self.context.fit(
-            layout, x, iterations=iterations, check=lambda: self.say(""), hopeless=hopeless
-        )
-
-    @property
-    def firm(self) -> frozenset[ChosenEffect]:
-        """Effects that stay in every model: the set's own ones and the free curves."""
-        return frozenset((*self.own.effects, *self.curves))
+        return self.context.fit(layout, x, iterations=iterations, check=lambda: self.say(""))
 
     def weigh(self, fit: MotionFit) -> Callable[[Array, int], Array]:
         """Function that weights the columns of a stretch like the residual of a fit."""
@@ -139,9 +98,9 @@ class ModelFamily:
             if beside is not None and effect in own:
                 continue
             values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0, layout, start)))
-            values[list(EFFECTS[effect.effect].size_at)] *= LIMITS.small_start
+            values[list(EFFECTS[effect.effect].size_at)] *= SMALL_START
             x[where] = values
-        return self.fit(layout, x, LIMITS.rich_iterations)
+        return self.fit(layout, x, RICH_ITERATIONS)
 
     def scale(self, joint: int, layout: Layout, x: Array) -> JointScale:
         """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""
@@ -160,44 +119,6 @@ class ModelFamily:
             viscous=float(x[layout.link_viscous][joint] + x[layout.motor_viscous][joint]),
         )
 
-    # -- backwards
-
-    def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model without the effects that it does not need, fitted again until all are needed.
-
-        A significant effect with implausible parameters is replaced by the one beside which it is sought, or
-        which it refines: Stribeck friction up to the joint's top speed is Coulomb friction.
-        """
-        for _ in range(LIMITS.eliminations):
-            result = eliminate(fit, self.firm | self.offsets_of_springs(fit.layout))
-            if not result.dropped:
-                return fit, result.kept
-            refined = {(EFFECTS[e.effect].replaces, e.joint) for e in result.kept}
-            stand_ins = {
-                ChosenEffect(name, effect.joint): fit.x[sizes(effect, fit.layout.effect_slice(effect))[0]]
-                for effect, need in result.dropped.items()
-                if need.implausible
-                and (name := EFFECTS[effect.effect].beside or EFFECTS[effect.effect].replaces)
-                and (name, effect.joint) not in refined
-            }
-            smaller = Layout(fit.layout.joints, tuple(dict.fromkeys((*result.kept, *stand_ins))))
-            start = fit.towards(result.x, smaller)
-            for effect in stand_ins.keys() - result.kept.keys():
-                start[sizes(effect, smaller.effect_slice(effect))] = stand_ins[effect]
-            fit = self.fit(smaller, start)
-        return fit, necessities(fit)
-
-    def without_absent(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model without effects of size zero, which the last fit has brought to their bound."""
-        absent = {e for e, need in needed.items() if need.deviations == 0} - self.firm
-        if not absent:
-            return fit, needed
-        smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in absent))
-        fit = self.fit(smaller, smaller.vector(fit.layout.model(fit.x)))
-        return fit, necessities(fit)
-
     def offsets_of_springs(self, layout: Layout) -> frozenset[ChosenEffect]:
         """Torque offsets beside a spring, whose rest angle they stand for during the search.
 
@@ -205,13 +126,6 @@ class ModelFamily:
         """
         springs = {e.joint for e in layout.effects if EFFECTS[e.effect].offset_parameter}
         return frozenset(e for e in layout.effects if e.effect == OFFSET and e.joint in springs)
-
-    def with_rest_angles(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with torque offsets beside a spring turned into the spring's rest angle."""
-        merged = self.with_offsets_merged(fit)
-        return (fit, needed) if merged is fit else (merged, necessities(merged))
 
     def with_offsets_merged(self, fit: MotionFit) -> MotionFit:
         """The fit of that model; the given one if there are no such offsets."""
@@ -225,26 +139,6 @@ class ModelFamily:
                 if effect.joint == offset.joint:
                     x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
         return self.fit(smaller, x)
-
-    def with_curves_only(self, rich: RichModel) -> RichModel:
-        """The set's own model with the free curves of a larger one."""
-        layout = Layout(self.own.joints, (*self.own.effects, *rich.curves))
-        fit = self.fit(layout, layout.vector(rich.fit.layout.model(rich.fit.x)))
-        return RichModel(fit, necessities(fit), rich.curves)
-
-    def on_all_cores(self, fit: Callable[[Item], MotionFit], items: Sequence[Item]) -> Iterator[MotionFit]:
-        """Independent fits, one for each item; on one core only as far as they are asked for."""
-        if len(items) < 2 or allowed_cores() < 2:
-            yield from map(fit, items)
-            return
-
-        # copies send parameters: a fit with all its arrays is larger than what it takes to evaluate again
-        def end(item: Item) -> tuple[Layout, Array]:
-            found = fit(item)
-            return found.layout, found.x
-
-        for layout, x in shared(end, items):
-            yield self.fit(layout, x, iterations=0)
 
     def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
         """The model with candidates at their scored values, fitted."""

@@ -38,11 +38,14 @@ from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.motion
+LIMITS = THRESHOLDS.criterion
 HERTZ = 7.0  # band of the motion
-MAX_ITERATIONS = 25
-FAIR_STEPS = 5  # before a fit may count as hopeless
-MAX_HALVINGS = 6
+MAX_ITERATIONS, MAX_HALVINGS = 25, 6
+SETTLED, NEGLIGIBLE_STEP = (
+    0.5,
+    0.05,
+)  # change of the objective, and step [standard deviations], that end a fit
+LONGEST_EDGE = 0.1  # share of a stretch that is dropped at each of its ends at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +156,13 @@ class MotionFit:
         found = point.evaluate(self.x, moving=True)
         return found.residual * used, found.jacobian * used[:, :, None]
 
+    @cached_property
+    def held_out_residual(self) -> Array:
+        """Residual of the validation groups, shape (N, n) [Nm]."""
+        equation = self.context.held_out_equation(self.layout)
+        assert equation is not None
+        return equation.at(self.x).residual(self.x)
+
     @property
     def held_out(self) -> bool:
         """Whether the judged samples were not fitted."""
@@ -180,9 +190,6 @@ class MotionFit:
     def chain(self) -> Chain:
         """Sensitivity of the residual to s and q."""
         return Chain(self.x[self.layout.compliance], self.x[self.layout.link_viscous], self.link)
-
-
-Hopeless = Callable[[MotionFit, float], bool]
 
 
 class MotionContext:
@@ -215,7 +222,7 @@ class MotionContext:
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
         observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
         step = sample_step([s for g in groups for s in g.segments], HERTZ)
-        edge = LIMITS.longest_edge
+        edge = LONGEST_EDGE
         return build_signals(
             self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge
         )
@@ -282,7 +289,6 @@ class MotionContext:
         *,
         iterations: int = MAX_ITERATIONS,
         check: Callable[[], None] = lambda: None,
-        hopeless: Hopeless | None = None,
     ) -> MotionFit:
         """Gauss–Newton with weights from the residual, which are renewed at every step.
 
@@ -291,8 +297,6 @@ class MotionContext:
             x: start, shape (P,).
             iterations: maximum number of steps.
             check: called before each step; may raise to stop.
-            hopeless: asked after `FAIR_STEPS`, with the fit on its way and what it still gains if every step
-                that is left gains as much as the last; True ends the fit.
         """
         start, equation = self.start(layout), self.equation(layout)
         prior, bounds = start.prior, start.bounds
@@ -303,7 +307,7 @@ class MotionContext:
             point = equation.at(x, point)
             fit = self._weighted(x, point, prior)
             gained, before = before - fit.objective, fit.objective
-            settled = abs(gained) < LIMITS.settled_objective
+            settled = abs(gained) < SETTLED
             residual, jacobian = fit.whitened
             gradient, hessian = prior.gradient_and_hessian(x)
             gradient = gradient + jacobian.reshape(-1, layout.size).T @ residual.ravel()
@@ -311,10 +315,7 @@ class MotionContext:
             step, at_bound = bounded_minimum(gradient, hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             fit.at_bound[:] = at_bound
-            if settled or length < LIMITS.negligible_step or iteration == iterations:
-                break
-            left = max(gained, 0.0) * (iterations - iteration)
-            if hopeless and iteration >= FAIR_STEPS and hopeless(fit, left):
+            if settled or length < NEGLIGIBLE_STEP or iteration == iterations:
                 break
             after = self._along(fit, step, prior, bounds)
             if after is None:

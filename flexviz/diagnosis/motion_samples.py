@@ -15,7 +15,8 @@ from flexviz.measurements import Segment
 Array = NDArray[np.float64]
 Phases = NDArray[np.int8]
 
-LIMITS = THRESHOLDS.motion
+LIMITS, OUTLIER = THRESHOLDS.standstill, THRESHOLDS.criterion.outlier
+NEAR = 8.0  # times the noise, below which rest and motion are not told apart
 MAX_SAMPLES = 4000  # of a long record, before they become sparser than a short one's
 
 
@@ -33,7 +34,7 @@ def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> 
     count = np.maximum(used.sum(axis=0), 1)
     sigma = np.sqrt(np.sum(residual**2 * used, axis=0) / count) + 1e-300
     for _ in range(3):
-        clipped = np.minimum(np.abs(residual), LIMITS.outlier * sigma) * used
+        clipped = np.minimum(np.abs(residual), OUTLIER * sigma) * used
         sigma = np.sqrt(np.sum(clipped**2, axis=0) / count) + 1e-300
     return np.maximum(sigma, floor)
 
@@ -51,8 +52,8 @@ def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tu
     """
     sigma = robust_deviation(residual, floor, used)
     ratio = np.abs(residual) / sigma * used
-    weights = used * np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
-    loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
+    weights = used * np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(ratio, 1e-12))) / sigma
+    loss = np.where(ratio < OUTLIER, ratio**2, OUTLIER * (2 * ratio - OUTLIER))
     return weights, sigma, 2 * float(used.sum(axis=0) @ np.log(sigma)) + float(loss.sum())
 
 
@@ -67,7 +68,7 @@ class Phase(IntEnum):
 def phases(signals: Signals) -> Phases:
     """The `Phase` of each sample and joint, shape (N, n)."""
     position, speed = signals.theta[0], np.abs(signals.theta[1])
-    moving = speed > LIMITS.standstill_speed * np.quantile(speed, 0.95, axis=0)
+    moving = speed > LIMITS.speed * np.quantile(speed, 0.95, axis=0)
     phase = np.where(moving, Phase.MOTION, Phase.REST).astype(np.int8)
     for block in signals.blocks:
         rows = block.rows
@@ -88,5 +89,5 @@ def louder(
     squares = residual**2
     there = np.sum(squares * here, axis=0) / np.maximum(here.sum(axis=0), 1)
     moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
-    loud = np.sqrt(there) > LIMITS.far_off * floor
-    return loud & (there > LIMITS.standstill_ratio**2 * moved)
+    loud = np.sqrt(there) > NEAR * floor
+    return loud & (there > LIMITS.ratio**2 * moved)

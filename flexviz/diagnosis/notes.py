@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
 from flexviz.results import Note
+from flexviz.wording import listed
 
 RMS_RATIO_EXPLAINED = 5.0  # rms relative to the noise floor above which "nothing-missing" needs a note
 
@@ -73,6 +78,18 @@ def notes(
     if bandwidths is not None:
         out += [Note("bandwidth", text) for text in bandwidths.texts()]
     return tuple(out)
+
+
+def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:
+    """Which samples do not count; `first_phase`, shape (n,): the first phase of each joint that does."""
+    names = listed([j for j, first in zip(joints, first_phase, strict=True) if first])
+    starts = [j for j, first in zip(joints, first_phase, strict=True) if first == Phase.MOTION]
+    angle = THRESHOLDS.standstill.start_angle
+    also = f", of {listed(starts)} also the first {angle:g} rad after it" if starts else ""
+    return (
+        f"samples at standstill of {names} are excluded{also}, here and from the errors: static friction can "
+        "take any value up to its limit, so the model is much less accurate there"
+    )
 
 
 def stopgap_notes(layout: Layout) -> list[Note]:

@@ -14,7 +14,7 @@ from flexviz.wording import listed, plural
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.motion
+LIMITS = THRESHOLDS.standstill
 
 
 def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, list[Note]]:

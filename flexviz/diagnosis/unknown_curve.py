@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.motion_fit import MotionFit
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.motion
+TWICE_AS_RICH = 1.5  # times the gain of one curve, for one per direction
 ONE_WAY = ("free_curve_friction", "free_curve_position")
 EACH_WAY = ("free_curve_direction", "free_curve_velocity")  # with twice as many nodes
 
@@ -45,7 +44,7 @@ def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
     _ = fit.projection  # for all cores
     gains = dict(zip(curves, shared(lambda curve: curve_gain(fit, curve), curves), strict=True))
     plain, detailed = (max(family, key=lambda curve: gains[curve]) for family in (simple, rich))
-    best = detailed if gains[detailed] > LIMITS.curve_lead * gains[plain] else plain
+    best = detailed if gains[detailed] > TWICE_AS_RICH * gains[plain] else plain
     return best, gains[best]
 
 

@@ -12,7 +12,10 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.vibration
+LIMITS = THRESHOLDS.evidence
+CYCLES = 3.0  # least number of periods in the longest stretch
+FINENESS = 8  # trial frequencies per 1/T, T being the length of the longest stretch
+SUBHARMONICS = (1, 2, 3)  # the motion's frequency, or one of which that of the vibration is a harmonic
 
 
 @dataclass(frozen=True)
@@ -30,23 +33,23 @@ def vibration(data: SlowResidual, joint: int) -> Vibration | None:
     if not stretches:
         return None
     longest = max(float(data.time[rows[-1]] - data.time[rows[0]]) for rows in stretches)
-    hertz = np.arange(LIMITS.cycles / longest, SLOW_HERTZ, 1 / (LIMITS.fineness * longest))
+    hertz = np.arange(CYCLES / longest, SLOW_HERTZ, 1 / (FINENESS * longest))
     if not len(hertz):
         return None
     power = np.zeros(len(hertz))
     for rows in stretches:
-        step, padded = float(data.step[rows[0]]), LIMITS.fineness * len(rows)
+        step, padded = float(data.step[rows[0]]), FINENESS * len(rows)
         there = np.abs(np.fft.rfft(data.residual[rows, joint], padded)) ** 2 / len(rows)
-        seen = hertz * len(rows) * step >= LIMITS.cycles
+        seen = hertz * len(rows) * step >= CYCLES
         power += seen * np.interp(hertz, np.fft.rfftfreq(padded, step), there)
     best = float(hertz[np.argmax(power)])
-    around = best + np.linspace(-1, 1, 33) / (LIMITS.fineness * longest)
-    finer = _shares(data.time, data.residual[:, joint], stretches, around, LIMITS.cycles)
+    around = best + np.linspace(-1, 1, 33) / (FINENESS * longest)
+    finer = _shares(data.time, data.residual[:, joint], stretches, around, CYCLES)
     found = Vibration(float(around[np.argmax(finer)]), float(finer.max()))
-    slower = found.hertz / np.array(LIMITS.subharmonics, float)
+    slower = found.hertz / np.array(SUBHARMONICS, float)
     motions = data.theta[1].T  # of all joints: a law may depend on the motion of another
     motion = max(float(_shares(data.time, velocity, stretches, slower).max()) for velocity in motions)
-    return found if found.share > LIMITS.least_share and motion < LIMITS.motion_share else None
+    return found if found.share > LIMITS.vibration_share and motion < LIMITS.motion_share else None
 
 
 def _shares(

@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.comparison import RefittedCandidate
-from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.fine import Fine, FineModel
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.estimation import explained
@@ -23,7 +23,7 @@ from flexviz.wording import plain_name, unit_text
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.acceptance
+CERTAIN = 40.0  # [nats] that the change of a size gains beyond its cost
 ALONG: tuple[Literal["time", "load"], ...] = ("time", "load")
 RANGE = (0.05, 0.95)  # quantiles of a load between which a change is stated
 
@@ -37,8 +37,6 @@ class ChangingSize:
         size: p.
         along: "time" of each recording, or "load" of the joint.
         start, end: about p at the start and at the end of a recording, or at low and high load, in its unit.
-        gain: decrease of the weighted sum of squares if p changes linearly.
-        left: weighted sum of squares above the noise.
     """
 
     named: tuple[str, str | None, str | None, str | None]
@@ -46,8 +44,6 @@ class ChangingSize:
     along: Literal["time", "load"]
     start: float
     end: float
-    gain: float
-    left: float
 
     @property
     def text(self) -> str:
@@ -64,60 +60,37 @@ class ChangingSize:
         )
 
 
-def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> ChangingSize | None:
+def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
     """The size whose change explains most of what a model leaves; None if all are constant.
 
-    `rival`: the decrease of the sum of squares by another effect, which it has to surpass clearly.
+    The criterion judges the gain of a linear change, estimated in closed form, like that of any move.
     """
+    fit, context, like = model.fit, fine.context, model.likelihood
     sized = [
         (effect, k, where.start + k) for effect, where in fit.layout.effect_slices() for k in _sizes(effect)
     ]
     if not sized:
         return None
     z, projection = fit.point.z, context.projection(fit)
-    left = sum_above_noise(fit)
-    least = max(LIMITS.changing_gain, LIMITS.changing_lead * rival)
     time = _time_within_groups(context)
-    found = []
+    found: list[tuple[float, ChangingSize]] = []
     for effect, k, column in sized:
         for along in ALONG if effect.joint is not None else ALONG[:1]:
             variable = time if along == "time" else _standardised(fit.point.torque[:, effect.joint])
             signature = (z[:, :, column] * variable[:, None]).reshape(-1, 1)
             change, gain = explained(*projection.normal(signature))
+            slowest = like.times.max() if effect.joint is None else like.times[effect.joint]
+            nats = 0.5 * gain / slowest - 2 * np.log(2 * len(sized)) - 0.5 * np.log(like.samples)
             relative = abs(change[0]) / max(abs(fit.x[column]), 1e-300)
-            # a size that grows from nothing is not constant, whatever else the model leaves
-            whole = along == "time" and relative > LIMITS.changing_whole
-            needed = least if whole else max(least, LIMITS.changing_share_of_left * left)
-            if gain <= needed or relative <= LIMITS.changing_share:
+            if nats < CERTAIN or relative <= THRESHOLDS.evidence.changing_share:
                 continue
             middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
             spec = EFFECTS[effect.effect].parameters[k]
             start, end = np.clip(middle + change[0] * np.array([-1.0, 1.0]), spec.lower, spec.upper)
             named = (effect.effect, fit.layout.joint_name(effect), effect.group, effect.payload)
             if start != end:
-                found.append(ChangingSize(named, spec, along, float(start), float(end), gain, left))
-    return max(found, key=lambda one: one.gain, default=None)
-
-
-def explained_by_drift(context: FitContext, fit: Fit) -> bool:
-    """Whether the drift of a size explains most of what a model leaves.
-
-    A change with the load is no explanation: many laws follow the load.
-    """
-    changing = changing_size(context, fit)
-    if changing is None or changing.along != "time":
-        return False
-    return changing.gain >= LIMITS.changing_most * changing.left
-
-
-def sum_above_noise(fit: Fit) -> float:
-    """Weighted sum of squares of the fit groups above that of the noise."""
-    return np.count_nonzero(fit.point.used) * float(np.maximum(fit.chi - 1.0, 0.0).sum())
-
-
-def removed(before: Fit, after: RefittedCandidate) -> float:
-    """Decrease of the weighted sum of squares of the fit groups by a candidate, scored or refitted."""
-    return max(after.scored.gain, sum_above_noise(before) - sum_above_noise(after.fit))
+                found.append((nats, ChangingSize(named, spec, along, float(start), float(end))))
+    return max(found, key=lambda one: one[0], default=(0.0, None))[1]
 
 
 def _sizes(effect: ChosenEffect) -> tuple[int, ...]:
