@@ -1,10 +1,11 @@
 """The one criterion: by how much a model describes the data better than another, in nats, and how surely.
 
-J = −log p(residuals of fitted and held-out groups | Σ_noise + m) − log prior + the cost of complexity, with the
-variance m_j ≥ 0 of each joint's model error at its most likely value. Residuals are correlated: sums over
-samples are divided by each joint's correlation time, so that a difference of J is a log likelihood ratio at any
-band, length and sampling rate. Its standard error comes from the scatter between paired stretches of half a
-second (the difference of expected log predictive densities: Vehtari, Gelman, Gabry, Stat. Comput. 27, 2017).
+J = −log p(residuals of fitted and held-out groups | Σ_noise + m) − log prior + the cost of complexity, with
+the variance m_j ≥ 0 of each joint's model error at its most likely value. Residuals are correlated: sums over
+samples are divided by each joint's correlation time, so that a difference of J is a log likelihood ratio at
+any band, length and sampling rate. Its standard error comes from the scatter between paired stretches of half
+a second, as that of a difference of expected log predictive densities (Vehtari, Gelman, Gabry, Stat. Comput.
+27, 2017).
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Likelihood:
     """How well a model describes the data.
 
     Attributes:
-        losses: shape (S, n), −log likelihood of each stretch and joint, as if samples were independent [nats].
+        losses: shape (S, n), −log likelihood of each stretch and joint, of independent samples [nats].
         held_out: shape (S,), stretches that were not fitted.
         times: shape (n,), samples per independent one.
         deviation: shape (n,), √(Σ_noise + m) of each joint, in units of the residuals.
@@ -209,8 +210,8 @@ def half_seconds(blocks: Sequence[Block]) -> list[slice]:
 def confidence(found: Gain, doubtful: bool) -> float:
     """Probability that an effect is the right one, or tied with it, against "none of these".
 
-    The odds of "none of these" fall with what the effect gains beyond its cost; where a model error is left on
-    its joint, it may imitate a part of that.
+    The odds of "none of these" fall with what the effect gains beyond its cost; where a model error is left
+    on its joint, it may imitate a part of that.
     """
     sure = (found.delta - LIMITS.deviations * found.error) / LIMITS.temperature
     none = float(np.exp(-np.clip(sure, -30.0, 30.0)))

@@ -60,9 +60,9 @@ def diagnose(
 ) -> Diagnosis:
     """Determine whether the set's model is complete, and if not, what is missing.
 
-    One search, coarse to fine: effects are added, dropped and swapped while that describes fitted and held-out
-    groups better by more than its cost and twice its standard error, first in the band of the motion, then in
-    units of the sensors' noise.
+    One search, coarse to fine: effects are added, dropped and swapped while that describes fitted and
+    held-out groups better by more than its cost and twice its standard error, first in the band of the
+    motion, then in units of the sensors' noise.
 
     Args:
         measurements: the measurement set.
@@ -181,7 +181,7 @@ class _Diagnosis:
         self.say(stages.OWN_MODEL)
         bare = self.best = view.bare()
         self.standing.own_model(bare.fit)
-        if view.complete(bare):
+        if view.at_noise(bare):
             return bare
         self.say(stages.USUAL)
         rich = view.pruned(view.rich())
@@ -328,8 +328,8 @@ class _Diagnosis:
         out: dict[ChosenEffect, list[str]] = {}
         for move in self.trace:
             if move.kind == "swap" and abs(move.gain.delta) < max(2 * move.gain.error, 10.0):
-                for old in move.removed:
-                    same = [new.effect for new in move.added if new.joint == old.joint]
+                for old in map(_effect, move.removed):
+                    same = [new.effect for new in map(_effect, move.added) if new.joint == old.joint]
                     out.setdefault(old, []).extend(same)
         return out
 
@@ -340,6 +340,11 @@ class _Diagnosis:
         except Interrupted:
             return replace(result, stopped=True)
         return replace(longer, seconds=time.perf_counter() - self.began)
+
+
+def _effect(key: object) -> ChosenEffect:
+    assert isinstance(key, ChosenEffect)
+    return key
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """Drops in closed form: which effects of a fitted model do the data need?
 
-A fit gives its parameters as a normal distribution of precision H. Leaving an effect out fixes its parameters,
-which moves all others linearly and changes the residual by the Jacobian times that move. One Jacobian and H
-therefore judge every smaller model by the criterion, without a fit.
+A fit gives its parameters as a normal distribution of precision H. Leaving an effect out fixes its
+parameters, which moves all others linearly and changes the residual by the Jacobian times that move. One
+Jacobian and H therefore judge every smaller model by the criterion, without a fit.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def _joint_move(
     """How the parameters move when several effects are left out together, shape (P,)."""
     if not places:
         return np.zeros(len(data.x))
-    rows = np.concatenate([np.arange(where.start, where.stop) for where in places])
+    rows = np.concatenate([np.arange(where.start, where.stop, dtype=np.intp) for where in places])
     target = np.zeros(len(data.x))
     for effect, where in zip(effects, places, strict=True):
         sizes = [where.start + k for k in EFFECTS[effect.effect].size_at]
@@ -157,7 +157,7 @@ def _move(data: Linearised, effect: ChosenEffect, where: slice, covariance: Arra
     return _joint_move(data, [where], [effect], covariance)
 
 
-def _within(data: Linearised, rows: Array, target: Array, covariance: Array) -> Array:
+def _within(data: Linearised, rows: NDArray[np.intp], target: Array, covariance: Array) -> Array:
     """The move (P,) of all parameters when those at `rows` move by `target`; none leaves its bounds."""
     free = covariance[rows, rows] > 0
     at, wanted, move = rows[free], target[free], np.zeros(len(data.x))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,60 +10,81 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import credible, excess
 from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode, with_effect, without_effect
-from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
-from flexviz.diagnosis.elimination import Linearised, eliminate
+from flexviz.diagnosis.criterion import Residuals, half_seconds, likelihood
+from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.scoring import score_by_joint
+from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring
 from flexviz.diagnosis.search import Candidate
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Point, ScoredCandidate
 
 Array = NDArray[np.float64]
+FineModel = Model[Fit]
+
 # mean excess, and that of one joint, which a right model may leave: without reversals of friction, and with
 TOLERATED = (0.4, 1.0), (1.5, 2.5)
 TRACE = 1e-6  # of the excess without the effects
-LIMITS, LOOP = THRESHOLDS.criterion, THRESHOLDS.search
+FIRST_LOOK, FULL = 4, 14  # steps of a trial, and of the one that goes on
+RIVAL = 0.5  # share of an effect's score that a rival has to reach
 
 
-@dataclass(frozen=True, eq=False)
-class FineModel:
-    """A fitted model with its likelihood."""
-
-    fit: Fit
-    likelihood: Likelihood
-
-    @property
-    def layout(self) -> Layout:
-        return self.fit.layout
-
-
-class Fine:
-    """Models of one set at the fine resolution, a `Problem` of the search."""
+class Fine(Resolution[Fit]):
+    """Models of one set in units of the noise."""
 
     name = "fine"
 
     def __init__(self, context: FitContext, own: Layout, say: Callable[[str], None]) -> None:
-        self.context, self.own, self.say = context, own, say
-        groups = context.measurements.groups
-        self.raw_step = max(s.step for g in context.fit_groups for s in g.segments)
-        self.tried = len(candidates(own, groups)) + own.n * len(groups)
+        super().__init__(context.measurements, own, say, many=False)
+        self.context, self.floor = context, np.full(own.n, 1 + LIMITS.noise_known)
 
-    def check(self) -> None:
-        self.say("")
+    # -- fits
 
-    def fit(self, layout: Layout, x: Array, iterations: int = 12, near: Fit | None = None) -> FineModel:
+    def fit(self, layout: Layout, x: Array, iterations: int = FULL, near: Fit | None = None) -> FineModel:
+        """A model fitted from x, shape (P,); `near`: a fit whose whiteners can be reused."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check, near=near))
 
+    def refit(self, model: FineModel, layout: Layout, x: Array) -> FineModel:
+        return self.fit(layout, x, near=model.fit)
+
     def model(self, fit: Fit) -> FineModel:
-        prior = self.context.start(fit.layout).prior
-        points = [p for p in (fit.point, fit.held_out) if p is not None]
-        pulses = sum(sum(w.log_determinant for w in p.weightings) + p.transients for p in points)
-        other = prior.value(fit.x) + 0.5 * pulses
-        floor = np.full(fit.layout.n, 1 + LIMITS.noise_known)
+        """A fit with its likelihood."""
+        pulses = sum(sum(w.log_determinant for w in p.weightings) + p.transients for p in _points(fit))
+        other = self.context.start(fit.layout).prior.value(fit.x) + 0.5 * pulses
         freedom = fit.layout.size - fit.layout.effect_start
-        return FineModel(fit, likelihood([_residuals(p) for p in points], floor, other, freedom))
+        return Model(fit, likelihood(self.residuals(fit), self.floor, other, freedom))
+
+    def towards(self, model: FineModel, x: Array, smaller: Layout) -> Array:
+        start = smaller.vector(model.layout.model(x))
+        feasible = self.context.start(smaller).prior.feasible(start)
+        return start if feasible else smaller.vector(model.layout.model(model.fit.x))
+
+    # -- likelihood
+
+    def residuals(self, fit: Fit) -> list[Residuals]:
+        return list(map(_residuals, _points(fit)))
+
+    def linearised(self, model: FineModel) -> Linearised:
+        fit, start = model.fit, self.context.start(model.layout)
+        flat = fit.point.z.reshape(-1, fit.layout.size)
+        gradient, hessian = start.prior.gradient_and_hessian(fit.x)
+        held = (fit.x <= start.bounds.lower) | (fit.x >= start.bounds.upper)
+        held[: fit.layout.effect_start] = False
+        return Linearised(
+            fit.layout, fit.x, self.residuals(fit), [p.z for p in _points(fit)], self.floor,
+            flat.T @ flat + hessian, (gradient, hessian), held, start.bounds, model.likelihood, np.inf,
+        )  # fmt: skip
+
+    def scoring(self, fit: Fit) -> Scoring:
+        point, blocks = fit.point, self.context.two_band.blocks
+
+        def weigh(columns: Array, block: int) -> Array:
+            out = point.weightings[block].apply(columns)
+            out[~point.used[blocks[block].rows]] = 0.0
+            return out.reshape(-1, columns.shape[2])
+
+        narrow = self.context.two_band.with_layout(fit.layout).narrow.at(fit.x)
+        return Scoring(narrow, self.context.chain(fit), weigh, self.context.projection(fit))
 
     def complete(self, model: FineModel) -> bool:
         """Whether a model leaves no more than noise, and what its laws are known to leave.
@@ -78,120 +98,21 @@ class Fine:
         above = np.maximum(np.stack((fit.chi, fit.chi_held_out)) - 1.0, 0.0)
         return excess(fit) < mean + trace and float(np.nanmean(above, axis=0).max()) < joint + trace
 
-    def linearised(self, model: FineModel) -> Linearised:
-        fit = model.fit
-        points = [p for p in (fit.point, fit.held_out) if p is not None]
-        start = self.context.start(fit.layout)
-        flat = fit.point.z.reshape(-1, fit.layout.size)
-        gradient, hessian = start.prior.gradient_and_hessian(fit.x)
-        held = np.zeros(fit.layout.size, bool)
-        bounds = start.bounds
-        at = (fit.x <= bounds.lower) | (fit.x >= bounds.upper)
-        held[fit.layout.effect_start :] = at[fit.layout.effect_start :]
-        return Linearised(
-            fit.layout, fit.x, [_residuals(p) for p in points], [p.z for p in points],
-            np.full(fit.layout.n, 1 + LIMITS.noise_known), flat.T @ flat + hessian, (gradient, hessian), held,
-            bounds, model.likelihood, np.inf,
-        )  # fmt: skip
+    # -- moves
 
-    # -- the moves
-
-    def parts(self, model: FineModel) -> frozenset[ChosenEffect]:
-        return frozenset(model.layout.effects)
-
-    def gain(self, before: FineModel, after: FineModel, tried: int) -> Gain:
-        new = set(after.layout.effects) - set(before.layout.effects)
-        episode = bool(new) and all(map(is_episode, new))
-        return gain(before.likelihood, after.likelihood, tried * (LOOP.intervals if episode else 1), episode)
-
-    def promising(self, before: FineModel, after: FineModel) -> bool:
-        found = gain(before.likelihood, after.likelihood)
-        return float(found.by_joint.sum()) > 2 * np.log(self.tried)
-
-    def impossible(self, fit: Fit) -> list[ChosenEffect]:
-        return [e for e in fit.layout.effects if not credible(fit, e, self.raw_step)]
-
-    def firm(self, layout: Layout) -> set[ChosenEffect]:
-        needed = {(EFFECTS[e.effect].beside, e.joint) for e in layout.effects}
-        return {*self.own.effects, *(e for e in layout.effects if (e.effect, e.joint) in needed)}
-
-    def pruned(self, model: FineModel) -> FineModel:
-        for _ in range(4):
-            found = eliminate(self.linearised(model), self.firm, self.impossible(model.fit), self.tried)
-            if not found.dropped:
-                return model
-            smaller = Layout(
-                model.layout.joints, tuple(e for e in model.layout.effects if e not in found.dropped)
-            )
-            x = smaller.vector(model.layout.model(found.x))
-            if not self.context.start(smaller).prior.feasible(x):
-                x = smaller.vector(model.layout.model(model.fit.x))
-            model = self.fit(smaller, x, near=model.fit)
-        return model
-
-    def above(self, model: FineModel) -> float:
-        """How much any move may gain: all that is above the noise [nats]."""
-        like = model.likelihood
-        floor = np.log(1 + LIMITS.noise_known)
-        count = sum(part.used.sum(axis=0) for part in map(_residuals, self._points(model)))
-        return float(np.sum(count * np.maximum(np.log(like.deviation) - floor, 0.0) / like.times))
-
-    def _points(self, model: FineModel) -> list[Point]:
-        return [p for p in (model.fit.point, model.fit.held_out) if p is not None]
-
-    def weigh(self, fit: Fit) -> Callable[[Array, int], Array]:
-        point, blocks = fit.point, self.context.two_band.blocks
-
-        def weigh(columns: Array, block: int) -> Array:
-            out = point.weightings[block].apply(columns)
-            out[~point.used[blocks[block].rows]] = 0.0
-            return out.reshape(-1, columns.shape[2])
-
-        return weigh
-
-    def scores(
-        self, fit: Fit, wanted: Sequence[ChosenEffect], episodes: bool = True
-    ) -> list[ScoredCandidate]:
-        narrow = self.context.two_band.with_layout(fit.layout).narrow.at(fit.x)
-        return score_by_joint(
-            narrow, self.context.chain(fit), wanted, self.weigh(fit), self.context.projection(fit), check=self.check,
-            longest=LOOP.longest_episode if episodes else None, without=fit.layout.effects, signatures=False,
-        )  # fmt: skip
-
-    def candidates(self, model: FineModel) -> list[Candidate]:
-        like = model.likelihood
-        least = 2 * np.log(self.tried)
-        if self.above(model) < least:
-            return []
-        fit = model.fit
-        wanted = candidates(fit.layout, self.context.measurements.groups)
-        found = self.scores(fit, wanted)
-        known = {s.effect for s in found}
-        out = []
-        for s in found:
-            law = EFFECTS[s.effect.effect]
-            time = like.times.min() if s.effect.joint is None else like.times[s.effect.joint]
-            tried = len(found) * (LOOP.intervals if is_episode(s.effect) else 1)
-            cost = 2 * np.log(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
-            out.append(
-                Candidate(
-                    s.effect,
-                    s.effect if law.underrated else "rated",
-                    LOOP.reach * 0.5 * s.gain / time - cost,
-                    s,
-                )
-            )
-        return out
+    def rivalry(self, effect: ChosenEffect) -> object:
+        """One at a time; those whose scores mean little are tried anyway."""
+        return effect if EFFECTS[effect.effect].underrated else None
 
     def with_added(self, model: FineModel, chosen: Sequence[Candidate]) -> FineModel:
+        """The model with a candidate from the best of its starts; not with several at once."""
         if len(chosen) > 1:
             return model
-        (candidate,) = chosen
-        s = candidate.content
-        self.say(f"testing candidate: {EFFECTS[s.effect.effect].title}")
-        tries = [self.fit(at.layout, at.x, 4, model.fit) for at in self.starts(model.fit, s)]
-        best = min(tries, key=lambda m: m.fit.objective)
-        return best if best.fit.converged else self.fit(best.layout, best.fit.x, 14, best.fit)
+        scored: ScoredCandidate = chosen[0].content
+        self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
+        trials = [self.fit(at.layout, at.x, FIRST_LOOK, model.fit) for at in self.starts(model.fit, scored)]
+        best = min(trials, key=lambda m: m.fit.objective)
+        return best if best.fit.converged else self.fit(best.layout, best.fit.x, FULL, best.fit)
 
     def starts(self, fit: Fit, scored: ScoredCandidate) -> list[ModelStart]:
         """The model with one more effect: at its score's values, and at those that the effect provides.
@@ -213,44 +134,37 @@ class Fine:
         return found
 
     def swaps(self, model: FineModel) -> Iterable[Callable[[FineModel], FineModel]]:
-        for effect in model.layout.effects:
-            if effect not in self.own.effects:
-                yield partial(self.swapped, effect=effect)
+        """Each effect exchanged for a rival; at the noise no exchange can gain anything."""
+        if self.at_noise(model):
+            return []
+        firm = self.firm(model.layout)
+        return [partial(self.swapped, effect=e) for e in model.layout.effects if e not in firm]
 
     def swapped(self, model: FineModel, effect: ChosenEffect) -> FineModel:
         """The model with the best rival in place of an effect."""
-        if effect not in model.layout.effects or effect not in self.droppable(model.layout):
-            return model
-        if self.above(model) < 2 * np.log(self.tried):
-            return model
         start = without_effect(model.layout, model.fit.x, effect)
         there = self.fit(start.layout, start.x, 0, model.fit)
-        ranked = self.scores(
-            there.fit, candidates(start.layout, self.context.measurements.groups), is_episode(effect)
-        )
+        wanted = candidates(start.layout, self.measurements.groups)
+        ranked = self.scores(there.fit, wanted, is_episode(effect))
         mine = next((s.gain for s in ranked if s.effect == effect), 0.0)
-        rivals = [s for s in ranked if s.effect != effect and s.gain > 0.5 * mine][: LOOP.singles]
-        rivals += [
-            s
-            for s in ranked
-            if s.effect.joint == effect.joint
-            and EFFECTS[s.effect.effect].underrated
-            and s not in rivals
-            and s.effect != effect
-        ][:2]
+        others = [s for s in ranked if s.effect != effect]
+        rivals = [s for s in others if s.gain > RIVAL * mine][: EFFORT.singles]
+        hidden = [s for s in others if s.effect.joint == effect.joint and EFFECTS[s.effect.effect].underrated]
         best = model
-        for s in rivals:
+        for s in [*rivals, *(s for s in hidden if s not in rivals)]:
             at = with_effect(there.layout, there.fit.x, s.effect, s.values)
-            found = self.fit(at.layout, at.x, 12, model.fit)
+            found = self.fit(at.layout, at.x, FULL, model.fit)
             if credible(found.fit, s.effect, self.raw_step) and self.gain(best, found, 1).accepted:
                 best = found
         return best
 
-    def droppable(self, layout: Layout) -> set[ChosenEffect]:
-        return set(layout.effects) - self.firm(layout)
-
     def unknowns(self, model: FineModel) -> Iterable[Callable[[FineModel], FineModel]]:
+        """None: what is unknown has been found at the coarse resolution, or its place is looked for."""
         return ()
+
+
+def _points(fit: Fit) -> list[Point]:
+    return [point for point in (fit.point, fit.held_out) if point is not None]
 
 
 def _residuals(point: Point) -> Residuals:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from flexviz.diagnosis.criterion import Gain
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -34,7 +34,7 @@ class Candidate:
     key: Hashable
     place: Hashable
     promise: float
-    content: object = None
+    content: Any = None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Decision thresholds of the diagnosis: probabilities, physical sizes, tolerances and limits of effort.
 
-`python -m benchmarks.constants worth` prints what each of them decides: the cases that change where it is half
-or twice as large.
+`python -m benchmarks.constants worth` prints what each of them decides: the cases that change where it is
+half or twice as large.
 
 The classes have no generated methods: to make those of so many fields takes a hundredth of a second.
 """

@@ -131,7 +131,7 @@ def unknown_place(
 
 
 def _loudest(context: FitContext, fit: Fit) -> list[int]:
-    """The joints by their own residual relative to its noise; that of others is not subtracted as in `chi`."""
+    """The joints by their own residual, from which that of others is not subtracted as in `chi`."""
     white = joint_residuals(context, fit)[0].white
     return [int(j) for j in np.argsort(-np.sum(white**2, axis=0))]
 

@@ -1,0 +1,197 @@
+"""What both resolutions share: models with their likelihood, and how moves between them are judged."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.acceptance import credible
+from flexviz.diagnosis.candidates import candidates, is_episode
+from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain
+from flexviz.diagnosis.elimination import Linearised, eliminate
+from flexviz.diagnosis.fit_context import Judged
+from flexviz.diagnosis.scoring import score_by_joint
+from flexviz.diagnosis.search import Candidate
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Chain, Layout, OperatingPoint
+from flexviz.estimation import Projection, ScoredCandidate, Weigh
+from flexviz.measurements import MeasurementSet
+
+Array = NDArray[np.float64]
+AnyFit = TypeVar("AnyFit", bound=Judged)
+
+LIMITS, EFFORT = THRESHOLDS.criterion, THRESHOLDS.search
+ELIMINATIONS = 4  # fits until all effects of a model are needed
+
+
+@dataclass(frozen=True, eq=False)
+class Model(Generic[AnyFit]):
+    """A fitted model with its likelihood."""
+
+    fit: AnyFit
+    likelihood: Likelihood
+
+    @property
+    def layout(self) -> Layout:
+        """The model's effects and parameters."""
+        return self.fit.layout
+
+
+@dataclass(frozen=True, eq=False)
+class Scoring:
+    """What the score test of a fit needs: operating point, chain, weights and projection."""
+
+    point: OperatingPoint
+    chain: Chain
+    weigh: Weigh
+    projection: Projection
+
+
+class Resolution(ABC, Generic[AnyFit]):
+    """Models of one set at one resolution: a `Problem` of the search.
+
+    Args:
+        measurements: the set.
+        own: its own model, whose effects stay.
+        say: called with a progress message; may raise to stop.
+        many: whether effects are candidates that only show where many are missing.
+
+    Attributes:
+        tried: number of candidates of the set's own model.
+        floor: shape (n,), largest standard deviation of each joint's residual that noise may explain.
+    """
+
+    name: ClassVar[str]
+    floor: Array
+
+    def __init__(
+        self, measurements: MeasurementSet, own: Layout, say: Callable[[str], None], many: bool
+    ) -> None:
+        self.measurements, self.own, self.say, self.many = measurements, own, say, many
+        self.raw_step = max(s.step for g in measurements.groups for s in g.segments)
+        self.tried = len(candidates(own, measurements.groups, many)) + own.n * len(measurements.groups)
+
+    def check(self) -> None:
+        """Raise if the search is to stop."""
+        self.say("")
+
+    # -- what a resolution supplies
+
+    @abstractmethod
+    def refit(self, model: Model[AnyFit], layout: Layout, x: Array) -> Model[AnyFit]:
+        """Another model fitted from x, shape (P,), near this one."""
+
+    @abstractmethod
+    def residuals(self, fit: AnyFit) -> list[Residuals]:
+        """Residuals of the fit groups, and of the validation groups if there are any."""
+
+    @abstractmethod
+    def linearised(self, model: Model[AnyFit]) -> Linearised:
+        """The model as a linear function of its parameters."""
+
+    @abstractmethod
+    def scoring(self, fit: AnyFit) -> Scoring:
+        """What the score test needs."""
+
+    @abstractmethod
+    def towards(self, model: Model[AnyFit], x: Array, smaller: Layout) -> Array:
+        """Feasible start of a smaller model on the way to x, shape (P,)."""
+
+    # -- moves
+
+    def parts(self, model: Model[AnyFit]) -> frozenset[ChosenEffect]:
+        """The model's effects."""
+        return frozenset(model.layout.effects)
+
+    def gain(self, before: Model[AnyFit], after: Model[AnyFit], tried: int) -> Gain:
+        """What a move gains, chosen among so many."""
+        new = self.parts(after) - self.parts(before)
+        episode = bool(new) and all(map(is_episode, new))
+        return gain(before.likelihood, after.likelihood, tried * self.places(episode), episode)
+
+    def places(self, episode: bool) -> int:
+        """In how many places an effect may act: an episode at many times."""
+        return EFFORT.intervals if episode else 1
+
+    def least(self) -> float:
+        """What the move of an effect costs at least [nats]."""
+        return 2 * float(np.log(self.tried))
+
+    def promising(self, before: Model[AnyFit], after: Model[AnyFit]) -> bool:
+        """Whether a model that is not pruned yet describes the data better at all."""
+        return float(gain(before.likelihood, after.likelihood).by_joint.sum()) > self.least()
+
+    def above(self, model: Model[AnyFit]) -> float:
+        """How much moves may gain together: all that is above the noise [nats]."""
+        like = model.likelihood
+        count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
+        return float(np.sum(count * np.log(like.deviation / self.floor) / like.times))
+
+    def at_noise(self, model: Model[AnyFit]) -> bool:
+        """Whether no move can gain what it costs."""
+        return self.above(model) < self.least()
+
+    def candidates(self, model: Model[AnyFit]) -> list[Candidate]:
+        """What may be added, each with what it promises at most."""
+        if self.at_noise(model):
+            return []
+        fit, like = model.fit, model.likelihood
+        found = self.scores(fit, candidates(fit.layout, self.measurements.groups, self.many))
+        out = []
+        for s in found:
+            law, joint = EFFECTS[s.effect.effect], s.effect.joint
+            if law.expected and not credible(fit, s.effect, self.raw_step, s.values):
+                continue
+            time = like.times.min() if joint is None else like.times[joint]
+            tried = len(found) * self.places(is_episode(s.effect))
+            cost = 2 * np.log(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
+            promise = EFFORT.reach * 0.5 * s.gain / time - cost
+            out.append(Candidate(s.effect, self.rivalry(s.effect), float(promise), s))
+        return out
+
+    def rivalry(self, effect: ChosenEffect) -> object:
+        """Effects of which only the best is added at a time."""
+        return effect.joint
+
+    def scores(
+        self, fit: AnyFit, wanted: Sequence[ChosenEffect], episodes: bool = True
+    ) -> list[ScoredCandidate]:
+        """Scores of effects, the best first."""
+        at = self.scoring(fit)
+        return score_by_joint(
+            at.point, at.chain, wanted, at.weigh, at.projection, check=self.check,
+            longest=EFFORT.longest_episode if episodes else None, without=set(fit.layout.effects),
+            signatures=False,
+        )  # fmt: skip
+
+    # -- drops
+
+    def impossible(self, fit: AnyFit) -> list[ChosenEffect]:
+        """Effects whose parameters could not be real."""
+        return [e for e in fit.layout.effects if not credible(fit, e, self.raw_step)]
+
+    def firm(self, layout: Layout) -> set[ChosenEffect]:
+        """Effects that are not dropped: the set's own ones, and those beside which others are defined."""
+        needed = {(EFFECTS[e.effect].beside, e.joint) for e in layout.effects}
+        return {*self.own.effects, *(e for e in layout.effects if (e.effect, e.joint) in needed)}
+
+    def pruned(self, model: Model[AnyFit]) -> Model[AnyFit]:
+        """The model without the effects that it does not need."""
+        for _ in range(ELIMINATIONS):
+            found = eliminate(self.linearised(model), self.firm, self.impossible(model.fit), self.tried)
+            if not found.dropped:
+                return model
+            smaller = without(model.layout, found.dropped)
+            model = self.refit(model, smaller, self.towards(model, found.x, smaller))
+        return model
+
+
+def without(layout: Layout, effects: Collection[ChosenEffect]) -> Layout:
+    """A layout without some effects."""
+    return Layout(layout.joints, tuple(e for e in layout.effects if e not in effects))
