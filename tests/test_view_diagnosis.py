@@ -33,7 +33,7 @@ from flexviz.view.residuals import (
 from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
-from flexviz.wording import Family, effect_text_name, share_text, values_text, verdict_text
+from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
 
 JOINTS = ("joint1", "joint2")
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
@@ -107,11 +107,11 @@ def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
     tilt = {"tilt_x": EffectParameter(-1e-9, 30.0, "rad"), "tilt_y": EffectParameter(0.02, 1e-4, "rad")}
     turned = replace(FINDING, effect="base_tilt", joint=None, parameters=tilt)
     assert values_text(turned) == "tilt x not determined, tilt y 0.02000 ± 0.00020 rad"  # bounds: ± 0.6
-    text = finding_html(Family((FINDING,)), 1, full=True)
+    text = finding_html(MergedFinding((FINDING,)), 1, full=True)
     for part in ("1. Coulomb friction on joint2", "98 %", "62 %", "twice as heavy", "12.00 → 10.10 Nm s/rad"):
         assert part in text, part
     bare = replace(FINDING, inseparable_from=(), absorbed=(), parameters={}, evidence=None)
-    assert "fv-warn" not in finding_html(Family((bare,)), 2, full=True)
+    assert "fv-warn" not in finding_html(MergedFinding((bare,)), 2, full=True)
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,13 @@ from flexviz.diagnosis.result import Absorbed, Note
 from flexviz.results import CandidateEntry, parts
 from flexviz.wording import (
     explained,
-    families,
     joints_text,
     left_text,
     mean_nrms,
+    merged_findings,
+    merged_texts,
     moved,
     span_text,
-    text_families,
     text_names,
     text_runs,
     torque_error_text,
@@ -63,22 +63,22 @@ def test_joints_in_a_sentence(names: tuple[str, ...], joints: tuple[str, ...], t
     assert joints_text(names, joints) == text
 
 
-def test_likely_effects_of_one_kind_are_a_family() -> None:
+def test_likely_effects_of_one_kind_are_merged() -> None:
     doubtful = replace(COULOMB, joint="joint3", confidence=0.3)
-    found = families((COULOMB, OFFSET, FIRST, doubtful))
-    assert [family.name() for family in found] == [
+    found = merged_findings((COULOMB, OFFSET, FIRST, doubtful))
+    assert [merged.name() for merged in found] == [
         "Coulomb friction on joints 1 and 2", "Torque offset on joint1", "Coulomb friction on joint3",
     ]  # fmt: skip
     assert [m.joint for m in found[0].by_joint(JOINTS)] == ["joint1", "joint2"]
-    # rivals of one search are no family: at most one of them is likelier than not
-    assert len(families((COULOMB, replace(FIRST, confidence=0.01)))) == 2
+    # rivals of one search stay apart: at most one of them is likelier than not
+    assert len(merged_findings((COULOMB, replace(FIRST, confidence=0.01)))) == 2
     group = replace(COULOMB, effect="external_contact", group="g1")
-    assert len(families((group, replace(group, joint="joint1")))) == 2
+    assert len(merged_findings((group, replace(group, joint="joint1")))) == 2
 
 
-def test_families_by_their_texts() -> None:
+def test_merged_by_their_texts() -> None:
     texts = ("a:joint2", "torque_delay", "a:joint1", "payload_error:p1", "payload_error:p2")
-    assert text_families(texts, JOINTS) == [
+    assert merged_texts(texts, JOINTS) == [
         ("a:joint2", "a:joint1"), ("torque_delay",), ("payload_error:p1",), ("payload_error:p2",),
     ]  # fmt: skip
     assert text_names(("coulomb_friction:joint2", "coulomb_friction:joint1"), JOINTS) == [
@@ -111,7 +111,7 @@ def lines(diagnosis: Any, spread: tuple[float, ...] = ()) -> str:
     return replace(diagnosis, torque_spread=spread).summary(width=160)
 
 
-def test_the_summary_has_one_line_per_family_with_the_share_of_the_torque() -> None:
+def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> None:
     both: Step = replace(AFTER, added=FIRST, rms_validation=(0.02, 0.3))
     diagnosis = replace(DIAGNOSIS, findings=(COULOMB, FIRST, OFFSET), steps=(BEFORE, AFTER, both))
     text = lines(diagnosis, (11.0, 10.0))
@@ -138,7 +138,7 @@ def test_a_held_out_group_without_samples_leaves_no_empty_error() -> None:
 def test_rivals_stay_apart_in_the_verdict() -> None:
     assert verdict_text(DIAGNOSIS).startswith("Missing: Coulomb friction on joint2. It explains 62 %")
     entries = [CandidateEntry.model_validate(f) for f in (COULOMB, FIRST)]
-    assert families(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
+    assert merged_findings(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
     assert isinstance(parts(DIAGNOSIS.document(), 160)[0], str)
 
 

@@ -86,6 +86,47 @@ class EffectParameter(NamedTuple):
     unit: str
 
 
+@dataclass(frozen=True)
+class Family:
+    """Effects whose signatures the data cannot separate (`flexviz.effects.EFFECT_FAMILIES`).
+
+    Attributes:
+        name: "dry_friction", "constant_torque", "torque_scale".
+        tied: whether the members tie in these data; the family is then the finding.
+        members: names of the effects, the simplest first.
+        confidence: probability that one of the members is correct.
+    """
+
+    name: str
+    tied: bool
+    members: tuple[str, ...]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Move:
+    """One move that the search tried.
+
+    Attributes:
+        kind: "add", "drop", "swap" or "unknown" (an unknown torque).
+        added, removed: effects as on the command line: "coulomb_friction:joint1".
+        delta: decrease of the objective [nats].
+        error: its standard error [nats].
+        accepted: whether the search made the move.
+        resolution: "coarse" or "fine".
+        why: why it was refused, in words; "" if accepted.
+    """
+
+    kind: str
+    added: tuple[str, ...]
+    removed: tuple[str, ...]
+    delta: float
+    error: float
+    accepted: bool
+    resolution: str
+    why: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Finding:
     """A candidate for the missing effect.
@@ -100,6 +141,7 @@ class Finding:
         absorbed: parameters that absorbed the effect before, the largest change first.
         evidence: explained part of the residual; None for candidates that were not added.
         features: input of the confidence (`confidence.features`).
+        family: the family of effects that it stands for; None if it belongs to none.
     """
 
     effect: str
@@ -114,6 +156,7 @@ class Finding:
     absorbed: tuple[Absorbed, ...] = ()
     evidence: Evidence | None = None
     features: tuple[float, ...] = ()
+    family: Family | None = None
 
     def __post_init__(self) -> None:
         named = {name: EffectParameter(*value) for name, value in self.parameters.items()}
@@ -189,6 +232,8 @@ class Diagnosis:
         guard: result of the bandwidth check; None if not run.
         torque_spread: per joint, standard deviation of the recorded torque over all groups [Nm]; empty if
             unknown.
+        trace: the moves that the search tried, in order.
+        decoys: (accepted, tried) candidates that cannot be right; None if none were tried.
     """
 
     set_name: str
@@ -206,6 +251,8 @@ class Diagnosis:
     free_curve: FreeCurve | None = None
     guard: BandwidthCheck | None = None
     torque_spread: tuple[float, ...] = ()
+    trace: tuple[Move, ...] = ()
+    decoys: tuple[int, int] | None = None
 
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter of the final model by name and joint: `diagnosis["stiffness", "joint1"]`.
@@ -258,6 +305,8 @@ class Diagnosis:
                 **curve_entries(self.parameters),
                 "guard": self.guard,
                 **torque,
+                "trace": self.trace,
+                **({} if self.decoys is None else {"decoys": self.decoys}),
                 "stopped": self.stopped,
                 "seconds": self.seconds,
             }

@@ -10,7 +10,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
-from flexviz.wording import families, text_runs
+from flexviz.wording import merged_findings, text_runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class ReportContent:
         diagnosis = self.diagnosis
         if diagnosis is None or diagnosis.verdict != "missing" or not diagnosis.findings:
             return ()
-        return families(diagnosis.findings)[0].members
+        return merged_findings(diagnosis.findings)[0].members
 
     @property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
@@ -144,7 +144,7 @@ def _rounds(session: Session, analysis: Analysis) -> tuple[DiagnosisRound, ...]:
 
 
 def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Session:
-    """The session that diagnosing a set in the app would give, with one state per family of effects."""
+    """The session that diagnosing a set in the app would give, with one state per kind of effect."""
     session = Session.of(measurements)
     analysis = session.analysis
     for model in diagnosed_models(diagnosis, measurements.joints):

@@ -12,17 +12,17 @@ from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, Res
 from flexviz.results.tables import in_ascii, plain_table
 from flexviz.wording import (
     SAID_AS_SHARES,
-    Family,
+    MergedFinding,
     absorbed_list,
     by_share,
     confidence_range,
     curve_text,
     explained,
-    families,
     joint_score,
     left_text,
     location,
     mean_nrms,
+    merged_findings,
     moved,
     normalised,
     number,
@@ -45,8 +45,8 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     error = [] if last is None else last.rms_validation or last.rms
     worst = joints[by_share(error, spread)[0]] if error and spread else ""
     out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
-    for rank, family in enumerate(families(result.candidates), 1):
-        out += candidate_lines(rank, family, joints)
+    for rank, merged in enumerate(merged_findings(result.candidates), 1):
+        out += candidate_lines(rank, merged, joints)
     out += added_lines(result)
     if last is not None:
         out += steps_parts(result, joints, spread, width)
@@ -101,9 +101,9 @@ def added_lines(result: ResultFields) -> Iterator[str]:
             yield f"then added: {added.effect} on {place_text(added)}{found}{sure}{form}"
 
 
-def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
-    """A candidate with its place and values; of a family, one value per joint."""
-    first, *others = family.members
+def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
+    """A candidate with its place and values; of several joints, one value per joint."""
+    first, *others = merged.members
     if not others:
         yield f"{rank:3d}. {described(first)}"
         for tie in first.inseparable_from:
@@ -118,11 +118,11 @@ def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[
             yield f"     the motion that would decide: flexviz design SET {options} --out DIR"
         return
     yield (
-        f"{rank:3d}. {first.effect} on {family.place(joints)}: together explain "
-        f"{100 * joint_score(family.members):.0f} % of the held-out excess, confidence "
-        f"{confidence_range(family.members)}"
+        f"{rank:3d}. {first.effect} on {merged.place(joints)}: together explain "
+        f"{100 * joint_score(merged.members):.0f} % of the held-out excess, confidence "
+        f"{confidence_range(merged.members)}"
     )
-    for member in family.by_joint(joints):
+    for member in merged.by_joint(joints):
         twins = ", ".join(
             tie.effect + (f" on {tie.joint}" if tie.joint != member.joint else "")
             for tie in member.inseparable_from
@@ -160,7 +160,7 @@ def values(candidate: CandidateEntry | EffectEntry) -> str:
 def steps_parts(
     result: ResultFields, joints: Sequence[str], spread: Sequence[float], width: int
 ) -> list[Table | str]:
-    """Errors per joint after each added family of effects: in per cent of the torque if known, else in Nm.
+    """Errors per joint after each added kind of effect: in per cent of the torque if known, else in Nm.
 
     Where the table would be too wide, the models are numbered and their names precede it.
     """

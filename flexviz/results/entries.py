@@ -23,6 +23,7 @@ from flexviz.results.base import (
     check_lengths,
 )
 from flexviz.results.curves import CurveTableEntry, FreeCurveEntry, GuardEntry, MapEntry
+from flexviz.results.trace import DecoysEntry, MoveEntry
 
 
 class ParameterEntry(ResultEntry):
@@ -151,8 +152,17 @@ class AbsorbedEntry(ResultEntry):
     deviations: Nullable
 
 
+class FamilyEntry(ResultEntry):
+    """Effects that these data cannot separate (if `tied`), the simplest first."""
+
+    name: str
+    tied: bool
+    members: list[str]
+    confidence: Number
+
+
 class PlaceEntry(ResultEntry):
-    """An effect and where it acts."""
+    """An effect and where it acts; `family` is absent where the effect belongs to none."""
 
     effect: str
     joint: str | None
@@ -160,6 +170,13 @@ class PlaceEntry(ResultEntry):
     payload: str | None = None
     inseparable_from: list[TieEntry] = Field(default_factory=list)
     absorbed: list[AbsorbedEntry] = Field(default_factory=list)
+    family: FamilyEntry | None = None
+
+    @model_validator(mode="after")
+    def _without_family(self) -> Self:
+        if self.family is None:
+            self.model_fields_set.discard("family")
+        return self
 
     @property
     def text(self) -> str:
@@ -260,6 +277,8 @@ class ResultFields(ResultEntry):
     curves: list[CurveTableEntry] = Field(default_factory=list)
     guard: GuardEntry | None = None
     torque: TorqueEntry | None = None
+    trace: list[MoveEntry] = Field(default_factory=list)
+    decoys: DecoysEntry | None = None
     seconds: Number | None = None
 
     @model_validator(mode="after")

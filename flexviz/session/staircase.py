@@ -1,4 +1,4 @@
-"""A diagnosis that added effects as the states of an analysis, one per family of effects."""
+"""A diagnosis that added effects as the states of an analysis, one per kind of effect."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from flexviz.wording import text_runs
 
 OF_THE_FINAL_MODEL: dict[str, Any] = {
     "maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": (),
+    "trace": (), "decoys": None,
 }  # fmt: skip
 
 
@@ -31,7 +32,7 @@ class DiagnosedModel:
 
 
 def diagnosed_models(diagnosis: Diagnosis, joints: Sequence[str]) -> list[DiagnosedModel]:
-    """The set's own model, then one per family of added effects; the last has the whole diagnosis."""
+    """The set's own model, then one per kind of added effects; the last has the whole diagnosis."""
     steps = diagnosis.steps
     added = [[] if step.added is None else [step.added.text] for step in steps]
     runs = text_runs(added, joints)

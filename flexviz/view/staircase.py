@@ -197,7 +197,7 @@ def staircase_html(
     parameters: Sequence[ParameterEstimate] = (),
     shown: int = -1,
 ) -> str:
-    """The errors of the steps as bars and numbers; a family of effects unfolds to its values per joint.
+    """The errors of the steps as bars and numbers; effects of one kind unfold to their values per joint.
 
     `shown` is the model that the rest of the page shows.
     """

@@ -20,17 +20,6 @@ from flexviz.wording.errors import (
     torque_error_text,
     total_rms,
 )
-from flexviz.wording.families import (
-    LIKELY,
-    Family,
-    confidence_range,
-    families,
-    joint_score,
-    joints_text,
-    text_families,
-    text_names,
-    text_runs,
-)
 from flexviz.wording.findings import (
     ALONG,
     Moved,
@@ -46,6 +35,17 @@ from flexviz.wording.findings import (
     value_text,
     values_text,
     where_text,
+)
+from flexviz.wording.merging import (
+    LIKELY,
+    MergedFinding,
+    confidence_range,
+    joint_score,
+    joints_text,
+    merged_findings,
+    merged_texts,
+    text_names,
+    text_runs,
 )
 from flexviz.wording.numbers import (
     INERTIAL,
@@ -72,7 +72,7 @@ __all__ = [
     "SAID_AS_SHARES",
     "SCOPES",
     "SYMBOLS",
-    "Family",
+    "MergedFinding",
     "Moved",
     "Placed",
     "absorbed_list",
@@ -87,7 +87,6 @@ __all__ = [
     "enters_text",
     "escape",
     "explained",
-    "families",
     "finding_name",
     "interval",
     "joint_score",
@@ -96,6 +95,8 @@ __all__ = [
     "listed",
     "location",
     "mean_nrms",
+    "merged_findings",
+    "merged_texts",
     "moved",
     "normalised",
     "number",
@@ -109,7 +110,6 @@ __all__ = [
     "simulated_text",
     "span_text",
     "temperature_text",
-    "text_families",
     "text_names",
     "text_runs",
     "tie_text",

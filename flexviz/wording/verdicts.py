@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from flexviz.wording.families import confidence_range, families, joint_score
 from flexviz.wording.findings import ALONG, FindingLike, share_text
+from flexviz.wording.merging import confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import listed, number, unit_text
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
@@ -80,7 +80,7 @@ def verdict_text(
         return f"{BEGINNINGS['missing']} {listed(added)} (added here). With {them} {now}:{rest}"
     beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
     if diagnosis.verdict == "missing" and diagnosis.findings:
-        best = families(diagnosis.findings)[0]
+        best = merged_findings(diagnosis.findings)[0]
         explain = "It explains" if len(best.members) == 1 else "Together they explain"
         share = share_text(joint_score(best.members))
         return (

@@ -17,7 +17,7 @@ from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, 
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
 from flexviz.view import free_chart, free_html, heading_html, so_far_html, verdict_html
-from flexviz.wording import Family, families, number, text_names
+from flexviz.wording import MergedFinding, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -44,7 +44,7 @@ class DiagnoseStep(WorkflowStep):
         self._all = page.button("Add all found", self._add_all, visible=False)
         self._draft_of: tuple[Diagnosis | None, CurveDraft | None] = (None, None)
         self._heading = gui.add_html("")
-        self._families: list[Family[Finding]] = []
+        self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
         self.deciding = DecidingMotion(page, self.store)
@@ -92,10 +92,10 @@ class DiagnoseStep(WorkflowStep):
     def _show_findings(self) -> None:
         """Show the findings; of new ones the first is open."""
         store, diagnosis = self.store, self.store.analysis.current_diagnosis
-        before, self._families = self._families, families(diagnosis.findings if diagnosis else ())
-        shown = (*self._families, *[None] * MAX_FINDINGS)
+        before, self._merged = self._merged, merged_findings(diagnosis.findings if diagnosis else ())
+        shown = (*self._merged, *[None] * MAX_FINDINGS)
         for index, entry in enumerate(self.findings):
-            if self._families != before:
+            if self._merged != before:
                 entry.opened = index == 0
             entry.show(shown[index], store)
 
@@ -104,11 +104,11 @@ class DiagnoseStep(WorkflowStep):
 
     def _add(self, index: int) -> None:
         """Add finding `index` on all its joints, refit, diagnose again."""
-        if index >= len(self._families):
+        if index >= len(self._merged):
             raise InputError("there are no findings for the current model: press Find the missing effect")
-        family = self._families[index]
-        texts = [finding.text for finding in family.members]
-        name = family.name(self.store.measurements.joints)
+        merged = self._merged[index]
+        texts = [finding.text for finding in merged.members]
+        name = merged.name(self.store.measurements.joints)
         self._start(f"added {name}", self.store.analysis.with_effects(texts))
 
     def _add_all(self) -> None:

@@ -23,17 +23,17 @@ from flexviz.view import evidence_chart, parameter_names
 from flexviz.wording import (
     ALONG,
     INERTIAL,
-    Family,
+    MergedFinding,
     absorbed_list,
     confidence_range,
     effect_text_name,
     effect_title,
-    families,
     finding_name,
     joint_score,
+    merged_findings,
+    merged_texts,
     moved,
     share_text,
-    text_families,
     text_names,
     values_text,
     where_text,
@@ -57,12 +57,12 @@ FOLLOW = {
 
 
 def effects(content: ReportContent) -> Section | None:
-    """One part per family of added or proposed effects, and the ranking; None without a diagnosis."""
+    """One part per kind of added or proposed effects, and the ranking; None without a diagnosis."""
     if content.diagnosis is None:
         return None
-    parts = [_added(content, texts) for texts in _families(content)]
+    parts = [_added(content, texts) for texts in _merged_texts(content)]
     if content.proposed:
-        parts.append(_part("Proposed", Family(content.proposed), content.joints, absorbed=True))
+        parts.append(_part("Proposed", MergedFinding(content.proposed), content.joints, absorbed=True))
     ranking = _ranking(content)
     candidates = explanation(
         "Candidates tried on each model, best first. A candidate “explains” the share of the "
@@ -79,15 +79,15 @@ def effects(content: ReportContent) -> Section | None:
     )
 
 
-def _families(content: ReportContent) -> list[tuple[str, ...]]:
-    return text_families([name for name, _ in content.added], content.joints)
+def _merged_texts(content: ReportContent) -> list[tuple[str, ...]]:
+    return merged_texts([name for name, _ in content.added], content.joints)
 
 
 def _added(content: ReportContent, texts: Sequence[str]) -> Section:
     known = {name: finding for name, finding in content.added}
     found = tuple(finding for text in texts if (finding := known[text]) is not None)
     if len(found) == len(texts):
-        return _part("Added", Family(found), content.joints)
+        return _part("Added", MergedFinding(found), content.joints)
     if all(map(free_curve, texts)):
         stopgap = "A stopgap, not physics: it lowers the error of the recorded motion only."
         return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(stopgap))
@@ -95,32 +95,34 @@ def _added(content: ReportContent, texts: Sequence[str]) -> Section:
     return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(unknown))
 
 
-def _part(title: str, family: Family[Finding], joints: Sequence[str], absorbed: bool = False) -> Section:
-    first, effect = family.members[0], EFFECTS.get(family.effect)
-    many = len(family.members) > 1
+def _part(
+    title: str, merged: MergedFinding[Finding], joints: Sequence[str], absorbed: bool = False
+) -> Section:
+    first, effect = merged.members[0], EFFECTS.get(merged.effect)
+    many = len(merged.members) > 1
     values = f"{values_text(first)}. " if first.parameters and not many else ""
     stopgap = effect is not None and effect.stopgap
-    sure = "a stopgap" if stopgap else f"confidence {confidence_range(family.members)}"
+    sure = "a stopgap" if stopgap else f"confidence {confidence_range(merged.members)}"
     together = "Together they explain" if many else "Explains"
-    moves = [a for a in moved(family.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
-    charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in family.members)
+    moves = [a for a in moved(merged.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
+    charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in merged.members)
     return section(
-        f"{title}: {family.name(joints)}",
+        f"{title}: {merged.name(joints)}",
         Paragraph(
-            f"{values}{together} {share_text(joint_score(family.members))} of the held-out error above the "
+            f"{values}{together} {share_text(joint_score(merged.members))} of the held-out error above the "
             f"noise; {sure}."
         ),
-        _members(family, joints) if many else None,
+        _members(merged, joints) if many else None,
         None if effect is None else explanation(_law(effect)),
         Paragraph(f"Other parameters have absorbed it: {absorbed_list(moves)}.") if moves else None,
         *(chart for chart in charts if chart.series),
     )
 
 
-def _members(family: Family[Finding], joints: Sequence[str]) -> ReportTable:
+def _members(merged: MergedFinding[Finding], joints: Sequence[str]) -> ReportTable:
     rows = [
         [str(one.joint), values_text(one), share_text(one.score), share_text(one.confidence)]
-        for one in family.by_joint(joints)
+        for one in merged.by_joint(joints)
     ]
     return table(("joint", "value ± 95 %", "explains", "confidence"), rows, (2, 3))
 
@@ -134,7 +136,7 @@ def _ranking(content: ReportContent) -> ReportTable | None:
     for index, one in enumerate(content.rounds):
         found = one.diagnosis.findings if one.diagnosis is not None else ()
         chosen = content.rounds[index + 1].added if index + 1 < len(content.rounds) else ()
-        leading = [one for family in families(found)[:MAX_CANDIDATES] for one in family.members]
+        leading = [one for merged in merged_findings(found)[:MAX_CANDIDATES] for one in merged.members]
         for rank, finding in enumerate(leading, 1):
             added = finding.text in chosen
             rows.append(

@@ -19,7 +19,7 @@ F = TypeVar("F", bound=FindingLike)
 
 
 @dataclass(frozen=True)
-class Family(Generic[F]):
+class MergedFinding(Generic[F]):
     """Findings of one kind, each on a joint of its own; or a single finding of any kind."""
 
     members: tuple[F, ...]
@@ -68,16 +68,16 @@ def joints_text(names: Sequence[str], joints: Sequence[str] = ()) -> str:
     return listed(sorted(names, key=lambda name: order.get(name, 0)))
 
 
-def families(findings: Iterable[F]) -> list[Family[F]]:
+def merged_findings(findings: Iterable[F]) -> list[MergedFinding[F]]:
     """Findings that are likelier than not with the others of their kind, at the place of the first."""
     found: dict[object, list[F]] = {}
     for k, finding in enumerate(findings):
         key = finding.effect if finding.confidence >= LIKELY and on_a_joint(finding) else k
         found.setdefault(key, []).append(finding)
-    return [Family(tuple(members)) for members in found.values()]
+    return [MergedFinding(tuple(members)) for members in found.values()]
 
 
-def text_families(texts: Iterable[str], joints: Sequence[str]) -> list[tuple[str, ...]]:
+def merged_texts(texts: Iterable[str], joints: Sequence[str]) -> list[tuple[str, ...]]:
     """Effects by their texts ("coulomb_friction:joint2"), those of one kind on joints together."""
     found: dict[str, list[str]] = {}
     for text in texts:
@@ -87,12 +87,12 @@ def text_families(texts: Iterable[str], joints: Sequence[str]) -> list[tuple[str
 
 
 def text_names(texts: Iterable[str], joints: Sequence[str]) -> list[str]:
-    """Names of effects given by their texts, one per family."""
-    return [family_name(members, joints) for members in text_families(texts, joints)]
+    """Names of effects given by their texts, one per kind."""
+    return [merged_name(members, joints) for members in merged_texts(texts, joints)]
 
 
-def family_name(texts: Sequence[str], joints: Sequence[str]) -> str:
-    """Name of a family given by its texts."""
+def merged_name(texts: Sequence[str], joints: Sequence[str]) -> str:
+    """Name of effects of one kind given by their texts."""
     if len(texts) == 1:
         return effect_text_name(texts[0])
     places = [text.partition(":")[2] for text in texts]
@@ -112,7 +112,7 @@ def text_runs(added: Sequence[Sequence[str]], joints: Sequence[str]) -> list[tup
     out: list[tuple[list[str], int]] = []
     for k, texts in enumerate(added):
         whole = [*out[-1][0], *texts] if out else []
-        if out and texts and out[-1][0] and len(text_families(whole, joints)) == 1:
+        if out and texts and out[-1][0] and len(merged_texts(whole, joints)) == 1:
             out[-1] = whole, k
         else:
             out.append((list(texts), k))
