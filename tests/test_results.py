@@ -134,7 +134,7 @@ def test_the_summary_is_a_table(result: Identification) -> None:
     assert "rms fit [Nm]" in text and "observer butterworth-zero-phase" in text
     html = result._repr_html_()
     assert html.count("<table>") == 3 and "<td>stiffness</td>" in html
-    assert "Missing: Coulomb friction on joint2." in DIAGNOSIS._repr_html_()
+    assert "Missing: Coulomb friction on joint2:" in DIAGNOSIS._repr_html_()
 
 
 def test_files_are_checked_strictly(tmp_path: Path) -> None:
@@ -192,5 +192,5 @@ def test_the_values_of_what_was_added_after_the_first_effect_are_told() -> None:
     )
     text = document.summary()
     assert text.count("then added:") == 1
-    assert "then added: backlash on joint2: half_width 0.2500 ± 0.0020 rad; confidence 0.95" in text
+    assert "then added: backlash on joint2: half_width 0.2500 ± 0.0020 rad; removes < 1 %" in text
     assert "2. backlash on joint2: half_width 0.5000 ± 0.0020 rad" in text

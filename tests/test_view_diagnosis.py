@@ -34,6 +34,7 @@ from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
 from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
+from tests.found import TIED
 
 JOINTS = ("joint1", "joint2")
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
@@ -114,6 +115,14 @@ def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
     assert "fv-warn" not in finding_html(MergedFinding((bare,)), 2, full=True)
 
 
+def test_a_card_names_the_family_and_its_kinds() -> None:
+    text = finding_html(MergedFinding((TIED,), 0.98), 1, full=True)
+    assert "1. Dry friction on joint2; which kind, these data do not tell" in text
+    assert "confidence 97 %, removes 98 % of the error" in text and "fv-likely" in text
+    assert "The model has Coulomb friction, the simplest." in text
+    assert "Alike" not in finding_html(MergedFinding((FINDING,)), 1, full=True)
+
+
 @pytest.mark.parametrize(
     "text, name",
     [
@@ -157,6 +166,9 @@ def test_stairs_fall_and_say_what_was_added() -> None:
     assert both.x.ticks == ((0, "0"), (1, "1")) and both.series[1].dash and not both.series[0].dash
     assert "g1 from 1.58 to 0.158 Nm" in both.description
     assert "+ Coulomb friction on joint2" in staircase_html(model_steps, JOINTS)
+    families = (("coulomb_friction:joint2", "dry_friction"),)
+    untold = (model_steps[0], replace(model_steps[1], families=families))
+    assert "+ Dry friction on joint2" in staircase_html(untold, JOINTS)
     without = tuple(ModelStep(s.effects, replace(s.step, groups=(), noise_floor=())) for s in model_steps)
     assert [series.label for series in staircase_charts(without, 0, JOINTS)[0].series] == [
         "fit",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from flexviz.results import (
     find_parameter,
     note_entries,
 )
+from flexviz.wording import finding_key, found_shares
 
 Array = NDArray[np.float64]
 
@@ -141,7 +142,9 @@ class Finding:
         absorbed: parameters that absorbed the effect before, the largest change first.
         evidence: explained part of the residual; None for candidates that were not added.
         features: input of the confidence (`confidence.features`).
-        family: the family of effects that it stands for; None if it belongs to none.
+        family: the family of effects that it belongs to; None if it belongs to none.
+        share: of the held-out mean squared error, relative to each joint's torque, that it removes in the
+            order in which the effects are added (`flexviz.wording.step_shares`); None if unknown.
     """
 
     effect: str
@@ -157,6 +160,7 @@ class Finding:
     evidence: Evidence | None = None
     features: tuple[float, ...] = ()
     family: Family | None = None
+    share: float | None = None
 
     def __post_init__(self) -> None:
         named = {name: EffectParameter(*value) for name, value in self.parameters.items()}
@@ -287,6 +291,11 @@ class Diagnosis:
 
     def document(self) -> ResultDocument:
         """The result as a document for files."""
+        shares = found_shares(self)
+
+        def told(finding: Finding) -> Finding:
+            return replace(finding, share=shares.get(finding_key(finding)))
+
         torque = {}
         if self.model is not None and self.torque_spread:
             torque = {"torque": {"joints": self.model.joints, "spread": self.torque_spread}}
@@ -295,9 +304,9 @@ class Diagnosis:
                 "format": 1,
                 "set": self.set_name,
                 "verdict": self.verdict,
-                "candidates": self.findings,
+                "candidates": sorted(map(told, self.findings), key=lambda one: -(one.share or 0.0)),
                 "where": self.where,
-                "steps": self.steps,
+                "steps": [replace(s, added=s.added and told(s.added)) for s in self.steps],
                 "model": {"effects": self.effects, "parameters": self.parameters},
                 **note_entries(self.notes),
                 "maps": self.maps,

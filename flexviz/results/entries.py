@@ -162,7 +162,10 @@ class FamilyEntry(ResultEntry):
 
 
 class PlaceEntry(ResultEntry):
-    """An effect and where it acts; `family` is absent where the effect belongs to none."""
+    """An effect and where it acts.
+
+    `family` is absent for an effect of none, `share` (of the held-out error that it removes) where unknown.
+    """
 
     effect: str
     joint: str | None
@@ -171,11 +174,13 @@ class PlaceEntry(ResultEntry):
     inseparable_from: list[TieEntry] = Field(default_factory=list)
     absorbed: list[AbsorbedEntry] = Field(default_factory=list)
     family: FamilyEntry | None = None
+    share: Number | None = None
 
     @model_validator(mode="after")
-    def _without_family(self) -> Self:
-        if self.family is None:
-            self.model_fields_set.discard("family")
+    def _known_only(self) -> Self:
+        for name in ("family", "share"):
+            if getattr(self, name) is None:
+                self.model_fields_set.discard(name)
         return self
 
     @property
@@ -317,6 +322,11 @@ class ResultFields(ResultEntry):
     def final_verdict(self) -> Verdict | None:
         """Verdict on the final model; `verdict` of a diagnosis refers to its first one."""
         return self.steps[-1].verdict if self.steps else self.verdict
+
+    @property
+    def torque_spread(self) -> list[float]:
+        """Standard deviation of the recorded torque per joint [Nm]; empty if unknown."""
+        return [] if self.torque is None else self.torque.spread
 
     @property
     def findings(self) -> list[CandidateEntry]:

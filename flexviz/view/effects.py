@@ -18,16 +18,18 @@ from flexviz.wording import (
     absorbed_list,
     bounds_text,
     by_share,
+    confidence_of,
     confidence_range,
     effect_text_name,
     effect_title,
     enters_text,
     escape,
-    joint_score,
+    kinds_text,
     left_text,
+    lower,
     moved,
     parameter_text,
-    share_text,
+    removes_text,
     tie_text,
     values_text,
     verdict_text,
@@ -138,12 +140,6 @@ def card_html(name: str) -> str:
     )
 
 
-def lower(title: str) -> str:
-    """A title inside a sentence; proper names keep their capital."""
-    names = ("Coulomb", "Stribeck")
-    return title if title.startswith(names) else title[:1].lower() + title[1:]
-
-
 def verdict_html(
     diagnosis: Diagnosis | None,
     up_to_date: bool = True,
@@ -206,14 +202,14 @@ def finding_html(merged: MergedFinding[Finding], rank: int, full: bool, joints: 
     Of effects of one kind on several `joints` the values are folded.
     """
     members = merged.members
-    likely = min(member.confidence for member in members)
-    explain = "explains" if len(members) == 1 else "together they explain"
-    lines = [f"<div><b>{rank}. {escape(merged.name(joints))}</b></div>"]
+    likely = min(map(confidence_of, members))
+    lines = [f"<div><b>{rank}. {escape(merged.statement(joints))}</b></div>"]
     lines.append(
         f'<div class="fv-bar"><span style="width:{100 * min(max(likely, 0.0), 1.0):.0f}%"></span>'
-        f"</div><div>confidence {confidence_range(members)}, {explain} "
-        f"{share_text(joint_score(members))}</div>"
+        f"</div><div>confidence {confidence_range(members)}, {removes_text(merged)}</div>"
     )
+    if merged.tied:
+        lines.append(f'<div class="fv-dim">{escape(kinds_text(members[0]))}</div>')
     if len(members) == 1:
         values = values_text(members[0])
         lines += [f"<div>{escape(values)}</div>"] if values else []

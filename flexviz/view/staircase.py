@@ -100,7 +100,7 @@ def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[
     for one in model_steps:
         added.append([text for text in one.effects if text not in before])
         before |= set(one.effects)
-    return text_runs(added, joints)
+    return text_runs(added, joints, dict(pair for one in model_steps for pair in one.families))
 
 
 def model_name(

@@ -17,7 +17,7 @@ from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, 
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
 from flexviz.view import free_chart, free_html, heading_html, so_far_html, verdict_html
-from flexviz.wording import MergedFinding, merged_findings, number, text_names
+from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -83,7 +83,8 @@ class DiagnoseStep(WorkflowStep):
         self._heading.content = heading_html(current)
         self._show_findings()
         self.deciding.refresh()
-        self.model.show(store.measurements.effects, analysis.effects, joints, why)
+        families = dict(pair for one in analysis.model_steps for pair in one.families)
+        self.model.show(store.measurements.effects, analysis.effects, joints, why, families)
         self._all.visible = current is not None and current.verdict == "missing" and bool(current.findings)
         off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
         self._why.content = dim(f"Off: {why}." if why else "")
@@ -92,7 +93,8 @@ class DiagnoseStep(WorkflowStep):
     def _show_findings(self) -> None:
         """Show the findings; of new ones the first is open."""
         store, diagnosis = self.store, self.store.analysis.current_diagnosis
-        before, self._merged = self._merged, merged_findings(diagnosis.findings if diagnosis else ())
+        before = self._merged
+        self._merged = merged_findings(diagnosis.findings, found_shares(diagnosis)) if diagnosis else []
         shown = (*self._merged, *[None] * MAX_FINDINGS)
         for index, entry in enumerate(self.findings):
             if self._merged != before:
@@ -196,6 +198,8 @@ class DiagnoseStep(WorkflowStep):
     def _select_joint(self) -> None:
         """Select the joint of the best finding."""
         diagnosis = self.store.analysis.diagnosis
-        findings = diagnosis.findings if diagnosis and diagnosis.verdict == "missing" else ()
-        if findings and findings[0].joint:
-            self.store.select(joint=self.store.measurements.joint_index(findings[0].joint))
+        if diagnosis is None or diagnosis.verdict != "missing" or not diagnosis.findings:
+            return
+        joint = merged_findings(diagnosis.findings, found_shares(diagnosis))[0].members[0].joint
+        if joint:
+            self.store.select(joint=self.store.measurements.joint_index(joint))

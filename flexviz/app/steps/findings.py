@@ -10,7 +10,7 @@ from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import Finding
 from flexviz.view import card_html, evidence_chart, finding_html
-from flexviz.wording import MergedFinding, escape, merged_texts, text_names
+from flexviz.wording import Families, MergedFinding, escape, merged_texts, text_names
 
 MAX_ROWS = 12  # in the list of the model's effects
 APART, TOGETHER = "Take apart", "Put together"
@@ -76,6 +76,7 @@ class ModelList:
         self._effects: tuple[str, ...] = ()
         self._joints: tuple[str, ...] = ()
         self._shown: list[tuple[str, ...]] = []  # effects of each row
+        self._families: Families = {}
         self._apart = False  # whether they are listed joint by joint
         self._why = ""
         self._remove = remove
@@ -88,9 +89,23 @@ class ModelList:
             self._rows.append((text, button))
         self._toggle = page.button(APART, self._switch, visible=False)
 
-    def show(self, own: Sequence[str], added: Sequence[str], joints: tuple[str, ...], why: str) -> None:
-        """Show the set's own and the added effects; `why`: the reason that none can be removed now."""
-        self._effects, self._joints, self._why = tuple(added), joints, why
+    def show(
+        self,
+        own: Sequence[str],
+        added: Sequence[str],
+        joints: tuple[str, ...],
+        why: str,
+        families: Families,
+    ) -> None:
+        """Show the set's own and the added effects.
+
+        Args:
+            own, added: texts of the effects.
+            joints: all of the robot.
+            why: the reason that none can be removed now.
+            families: of those added effects that stand for one.
+        """
+        self._effects, self._joints, self._why, self._families = tuple(added), joints, why, families
         self._list()
         text = f"the set's own: {', '.join(text_names(own, joints))}" if own else ""
         if not own and not added:
@@ -102,7 +117,7 @@ class ModelList:
         )
 
     def _list(self) -> None:
-        together = merged_texts(self._effects, self._joints)
+        together = merged_texts(self._effects, self._joints, self._families)
         self._apart &= len(together) < len(self._effects)
         self._toggle.visible = len(together) < len(self._effects)
         self._toggle.label = TOGETHER if self._apart else APART
@@ -112,7 +127,7 @@ class ModelList:
             texts = self._shown[index] if index < len(self._shown) else ()
             text.visible = button.visible = bool(texts)
             if texts:
-                (name,) = text_names(texts, self._joints)
+                (name,) = text_names(texts, self._joints, self._families)
                 text.content = f'<div class="fv fv-added">+ {escape(name)}</div>'
                 what = "it" if len(texts) == 1 else "it from all these joints"
                 off(button, self._why, f"removes {what}, refits and diagnoses again")
