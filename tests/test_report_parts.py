@@ -311,3 +311,17 @@ def test_a_report_names_the_family_where_the_data_do_not_tell_its_members_apart(
     text = session_report(proposed, measurements, "md")
     assert f"### Proposed: Dry friction on joint2; {untold}" in text
     assert f"confidence 97 %; {untold}." in text
+
+
+def test_a_report_tells_why_these_effects(tmp_path: Path) -> None:
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    session = diagnosed_session(measurements, TIED_DIAGNOSIS)
+    assert session.past[-1].analysis.diagnosis is not None and not session.past[-1].analysis.diagnosis.trace
+    text = session_report(session, measurements, "md")
+    part = text[text.index("## Why these effects: what was tried") :].split("\n## ")[0]
+    assert "| **Dry friction on joint2 added** | 400 ± 12 | coarse | accepted |" in part
+    assert "| Torque offset on joint1 not added | 1.5 ± 1.0 | fine | within its error |" in part
+    assert "Of 40 decoys none was accepted: candidates that cannot be right" in part
+    assert "Why these effects" in session_report(session, measurements, "html")
+    without = diagnosed_session(measurements, DIAGNOSIS)
+    assert "Why these effects" not in session_report(without, measurements, "md")

@@ -33,8 +33,9 @@ from flexviz.view.residuals import (
 from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
+from flexviz.view.trace import trace_html
 from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
-from tests.found import TIED
+from tests.found import TIED, TIED_DIAGNOSIS
 
 JOINTS = ("joint1", "joint2")
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
@@ -277,3 +278,14 @@ def test_what_to_do_next(tmp_path: Any) -> None:
         replace(DIAGNOSIS, verdict="nothing-missing", findings=())
     )
     assert "Compare" in next_step(done, "Diagnose", False).text
+
+
+def test_what_was_tried_is_a_folded_table() -> None:
+    text = trace_html(TIED_DIAGNOSIS, JOINTS)
+    assert "<details" in text and "<summary>Why these effects: what was tried</summary>" in text
+    assert "<td>✓ Dry friction on joint2 added</td><td>400 ± 12</td><td></td>" in text
+    assert "<td>– Torque offset on joint1 not added</td><td>1.5 ± 1.0</td><td>within its error</td>" in text
+    assert "Of 40 decoys none was accepted." in text
+    harmful = replace(TIED_DIAGNOSIS.trace[1], why="<b>")
+    assert "<b>" not in trace_html(replace(TIED_DIAGNOSIS, trace=(harmful,), decoys=None), JOINTS)
+    assert trace_html(None) == trace_html(DIAGNOSIS, JOINTS) == ""

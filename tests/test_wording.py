@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
-from flexviz.diagnosis import EffectParameter, Step
+from flexviz.diagnosis import EffectParameter, Move, Step
 from flexviz.diagnosis.result import Absorbed, Note
-from flexviz.effects import EFFECT_FAMILIES
+from flexviz.effects import EFFECT_FAMILIES, EFFECTS
 from flexviz.results import CandidateEntry, parts
 from flexviz.wording import (
     FAMILY_TITLES,
+    decoys_text,
     explained,
     family_title,
     joints_text,
@@ -28,10 +29,11 @@ from flexviz.wording import (
     step_shares,
     text_names,
     text_runs,
+    told_moves,
     torque_error_text,
     verdict_text,
 )
-from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS
+from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS, TRACE
 
 FIRST = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(7.0, 0.02, "Nm")}, score=0.5)
 JOINTS = ("joint1", "joint2")
@@ -251,3 +253,54 @@ def test_effects_that_stand_for_a_family_by_their_texts() -> None:
     added = [[], *([text] for text in texts)]
     assert text_runs(added, JOINTS, families)[1][0] == "Dry friction on joints 1 and 2"
     assert len(text_runs(added, JOINTS, {texts[1]: "dry_friction"})) == 3
+
+
+def test_what_was_tried_is_told_briefly() -> None:
+    def add(effect: str, joint: str, delta: float, error: float = 3.0, **changes: Any) -> Move:
+        return Move("add", (f"{effect}:{joint}",), (), delta, error, True, "coarse", **changes)
+
+    friction = [add("coulomb_friction", joint, 100.0, 3.0) for joint in JOINTS]
+    offset, gap = add("torque_offset", "joint1", 2.0, 1.0), add("backlash", "joint2", 4.0, 9.0)
+    refused = [replace(offset, accepted=False, why="within its error"),
+               replace(friction[0], accepted=False, delta=5.0),  # accepted later
+               replace(gap, accepted=False, resolution="fine", why="at a bound"),
+               replace(gap, accepted=False, delta=-4.0)]  # fmt: skip
+    drop = Move("drop", (), ("cable_spring:joint2",), 7.0, 2.0, True, "fine")
+    unknown = Move("unknown", ("unknown:joint1",), (), 50.0, float("inf"), True, "fine")
+    told = told_moves([refused[1], friction[0], refused[3], *friction[1:], *refused, drop, unknown], JOINTS)
+    assert [move.line for move in told] == [
+        "Coulomb friction on joints 1 and 2 added: 200.0 ± 4.2 nats",
+        "Cable spring on joint2 dropped: 7.0 ± 2.0 nats",
+        "an unknown torque on joint1 allowed for: 50.00 ± – nats",
+        "Backlash on joint2 not added: 4.0 ± 9.0 nats (at a bound)",
+        "Torque offset on joint1 not added: 2.0 ± 1.0 nats (within its error)",
+    ]
+    assert len(told_moves(refused, JOINTS, refused=1)) == 1
+    swap = told_moves(TRACE[2:], JOINTS, {"coulomb_friction:joint2": "dry_friction"})[0]
+    assert swap.text == "Coulomb friction at the link on joint2 not put in place of Dry friction on joint2"
+    odd = Move("vary", ("coulomb_friction:joint1",), (), float("nan"), 1.0, False, "fine")
+    assert told_moves([odd])[0].text == "vary of Coulomb friction on joint1 not made"
+    assert [decoys_text(count, 40) for count in (0, 1, 2)] == [
+        "of 40 decoys none was accepted", "of 40 decoys 1 was accepted", "of 40 decoys 2 were accepted",
+    ]  # fmt: skip
+
+
+def test_the_summary_tells_why_in_six_lines() -> None:
+    text = TIED_DIAGNOSIS.summary().splitlines()
+    first = next(k for k, line in enumerate(text) if line.startswith("why these effects"))
+    assert text[first + 1 : first + 5] == [
+        "     Dry friction on joint2 added: 400 ± 12 nats",
+        "     Torque offset on joint1 not added: 1.5 ± 1.0 nats (within its error)",
+        "     Coulomb friction at the link on joint2 not put in place of Dry friction on joint2: -3.0 ± 2.0 "
+        "nats (worse)",
+        "     of 40 decoys none was accepted",
+    ]
+    names = list(EFFECTS)[:8]
+    many = [replace(TRACE[0], added=(f"{name}:joint1",)) for name in names]
+    refused = [
+        replace(move, accepted=False, added=("backlash:joint2",), delta=k) for k, move in enumerate(many)
+    ]
+    shown = replace(DIAGNOSIS, trace=(*many, *refused)).summary().splitlines()
+    own = [line for line in shown if line.endswith("nats") or "accepted" in line or "why these" in line]
+    assert len(own) == 6 and own[4].strip() == "5 more accepted moves" and "not added" in own[5]
+    assert "why these" not in DIAGNOSIS.summary()

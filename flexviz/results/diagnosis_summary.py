@@ -15,10 +15,12 @@ from flexviz.wording import (
     UNTOLD,
     MergedFinding,
     absorbed_list,
+    added_families,
     by_share,
     confidence_of,
     confidence_range,
     curve_text,
+    decoys_text,
     explained,
     family_title,
     finding_key,
@@ -37,11 +39,13 @@ from flexviz.wording import (
     text_runs,
     tied_families,
     tied_family,
+    told_moves,
     value_text,
     verdict_text,
 )
 
 SHOWN_ABSORBED = 4  # parameters
+TRACE_LINES = 6  # of what was tried
 LABEL_WIDTH, COLUMN_WIDTH = 40, 10  # columns of a table with room for the models' names, and for a joint
 
 
@@ -56,6 +60,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     for rank, merged in enumerate(merged_findings(result.candidates, found_shares(result)), 1):
         out += candidate_lines(rank, merged, joints)
     out += added_lines(result)
+    out += trace_lines(result, joints)
     if last is not None:
         out += steps_parts(result, joints, spread, width)
         if absorbed := moved(step.added for step in result.steps if step.added is not None):
@@ -164,6 +169,21 @@ def values(candidate: CandidateEntry | EffectEntry) -> str:
         in_ascii(f"{name} {value_text(candidate.effect, name, one)}")
         for name, one in candidate.parameters.items()
     )
+
+
+def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
+    """What the search tried: accepted moves, the best refused ones, decoys; six lines at most."""
+    moves = told_moves(result.trace, joints, added_families(result))
+    accepted, refused = ([m.line for m in moves if m.accepted == made] for made in (True, False))
+    decoys = [] if result.decoys is None else [decoys_text(result.decoys.accepted, result.decoys.tried)]
+    room = TRACE_LINES - 1 - len(decoys)
+    room_refused = min(len(refused), max(room // 2, room - len(accepted)))
+    shown = room - room_refused
+    if len(accepted) > shown:
+        accepted = [*accepted[: shown - 1], f"{len(accepted) - shown + 1} more accepted moves"]
+    lines = [*accepted, *refused[:room_refused], *decoys]
+    title = "why these effects: moves of the search, with the decrease of its objective"
+    return [title, *(f"     {in_ascii(line)}" for line in lines)] if lines else []
 
 
 # -- steps ---------------------------------------------------------------------------------------------------

@@ -45,6 +45,7 @@ from flexviz.wording.merging import (
     LIKELY,
     Families,
     MergedFinding,
+    added_families,
     confidence_range,
     joint_score,
     joints_text,
@@ -71,6 +72,7 @@ from flexviz.wording.numbers import (
     unit_text,
 )
 from flexviz.wording.shares import finding_key, found_shares, step_shares
+from flexviz.wording.trace import TRACE_TITLE, ToldMove, decoys_text, told_moves
 from flexviz.wording.verdicts import location, span_text, verdict_text
 
 __all__ = [
@@ -82,12 +84,15 @@ __all__ = [
     "SAID_AS_SHARES",
     "SCOPES",
     "SYMBOLS",
+    "TRACE_TITLE",
     "UNTOLD",
     "Families",
     "MergedFinding",
     "Moved",
     "Placed",
+    "ToldMove",
     "absorbed_list",
+    "added_families",
     "as_markdown",
     "bounds_text",
     "by_share",
@@ -95,6 +100,7 @@ __all__ = [
     "confidence_of",
     "confidence_range",
     "curve_text",
+    "decoys_text",
     "effect_json",
     "effect_text_name",
     "effect_title",
@@ -137,6 +143,7 @@ __all__ = [
     "tie_text",
     "tied_families",
     "tied_family",
+    "told_moves",
     "torque_error_text",
     "total_rms",
     "unit_text",

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from flexviz.wording.effect_families import UNTOLD, capitalised, family_title, tied_family
 from flexviz.wording.findings import (
@@ -26,6 +26,23 @@ from flexviz.wording.shares import FindingKey, finding_key
 LIKELY = 0.5  # confidence from which a finding is likelier than not: two of these are no rivals
 COUNTS = ("three", "four", "five", "six", "seven", "eight")
 _NUMBERED = re.compile(r"(.*joint_?)(\d+)", re.IGNORECASE)
+
+
+class AddLike(Protocol):
+    """A model on the way and the effect that it adds."""
+
+    @property
+    def added(self) -> NamedLike | None: ...
+
+
+class ChainLike(Protocol):
+    """A diagnosis or a results document."""
+
+    @property
+    def steps(self) -> Sequence[AddLike]: ...
+    @property
+    def findings(self) -> Sequence[NamedLike]: ...
+
 
 N = TypeVar("N", bound=NamedLike)
 F = TypeVar("F", bound=FindingLike)
@@ -163,6 +180,12 @@ def tied_families(findings: Iterable[NamedLike]) -> dict[str, str]:
     """The families of those findings that stand for one, by their texts."""
     tied = ((finding.text, tied_family(finding)) for finding in findings)
     return {text: family.name for text, family in tied if family is not None}
+
+
+def added_families(result: ChainLike) -> dict[str, str]:
+    """The same of a whole diagnosis: of its findings and of what its steps add."""
+    added = [step.added for step in result.steps if step.added is not None]
+    return tied_families([*result.findings, *added])
 
 
 def text_runs(

@@ -16,7 +16,7 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
-from flexviz.view import free_chart, free_html, heading_html, so_far_html, verdict_html
+from flexviz.view import free_chart, free_html, heading_html, so_far_html, trace_html, verdict_html
 from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
@@ -47,6 +47,7 @@ class DiagnoseStep(WorkflowStep):
         self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
+        self._tried = gui.add_html("")
         self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
         self.next_buttons = {"find": self._find, "add": self.findings[0].add}
@@ -82,6 +83,7 @@ class DiagnoseStep(WorkflowStep):
         off(self._draft, "", "a Python file with the law that the free curve resembles, for --effects-from")
         self._heading.content = heading_html(current)
         self._show_findings()
+        self._tried.content = trace_html(current, joints)
         self.deciding.refresh()
         families = dict(pair for one in analysis.model_steps for pair in one.families)
         self.model.show(store.measurements.effects, analysis.effects, joints, why, families)
