@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.diagnosis import Diagnosis, EffectParameter, Finding, ResidualLocation, Step, Tie
+from flexviz.diagnosis import Diagnosis, EffectParameter, Family, Finding, Move, ResidualLocation, Step, Tie
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ParameterCurve, ResidualMap
 from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.identification import ParameterEstimate
@@ -118,6 +118,15 @@ GUARD = BandwidthCheck(
     ),
     1.5,
 )  # fmt: skip
+TRACE = (
+    Move("add", ("coulomb_friction:joint2",), (), 400.0, 12.0, True, "coarse"),
+    Move("add", ("torque_offset:joint1",), (), 1.5, 1.0, False, "fine", "within its error"),
+    Move(
+        "swap", ("link_coulomb_friction:joint2",), ("coulomb_friction:joint2",), -3.0, 2.0, False, "fine",
+        "worse",
+    ),
+)  # fmt: skip
+FRICTION = Family("dry_friction", True, ("coulomb_friction", "link_coulomb_friction"), 0.97)
 DIAGNOSIS = Diagnosis(
     "small", "missing", (COULOMB, OFFSET), PLACES, (BEFORE, AFTER),
     ({"effect": "coulomb_friction", "joint": "joint2", "group": None, "payload": None,
@@ -125,3 +134,12 @@ DIAGNOSIS = Diagnosis(
     PARAMETERS, 3.0, False, (NOTE,), MODEL, MAPS,
     CURVE, GUARD,
 )  # fmt: skip
+# the same data, which do not tell the two kinds of dry friction apart
+TIED = replace(COULOMB, confidence=0.4, family=FRICTION)
+TIED_DIAGNOSIS = replace(
+    DIAGNOSIS,
+    findings=(TIED, OFFSET),
+    steps=(BEFORE, replace(AFTER, added=TIED)),
+    trace=TRACE,
+    decoys=(0, 40),
+)

@@ -27,7 +27,7 @@ from flexviz.session import identified_errors, open_session, save_session
 from flexviz.view import model_curve_charts, staircase_charts
 from flexviz.wording import total_rms
 from tests.app_running import reopen, running, send, status, until, use, wait
-from tests.found import COULOMB, DIAGNOSIS, OFFSET
+from tests.found import COULOMB, DIAGNOSIS, OFFSET, TIED_DIAGNOSIS
 
 pytestmark = pytest.mark.slow
 EFFECT = "coulomb_friction:joint2"
@@ -153,6 +153,25 @@ def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> 
     assert app.store.analysis.effects == (EFFECT,)
     use(app, "Undo")
     assert len(app.store.analysis.effects) == 2
+
+
+def test_a_family_is_named_and_the_search_says_what_it_tried(app: Application) -> None:
+    reopen(app, sessions_dir() / DEMO)
+    start, step = app.store.analysis, diagnose_step(app)
+    app.store.change("looked for the missing effect", start.with_diagnosis(TIED_DIAGNOSIS))
+    assert "which kind, these data do not tell" in step._verdict.content
+    assert "1. Dry friction on joint2; which kind" in step.findings[0]._text.content
+    assert "Dry friction on joint2 added" in step._tried.content
+    added = app.store.analysis.with_effects([EFFECT])
+    app.store.change(
+        "added", added.with_diagnosis(replace(DIAGNOSIS, verdict="nothing-missing", findings=()))
+    )
+    assert not step._tried.content
+    rows = [text.content for text, _ in step.model._rows if text.visible]
+    assert len(rows) == 1 and "+ Dry friction on joint2" in rows[0]
+    assert "1. + Dry friction on joint2" in app.plots._steps.content
+    use(app, "Undo")
+    assert "Dry friction on joint2 added" in step._tried.content
 
 
 def test_a_stopped_search_changes_nothing(app: Application) -> None:

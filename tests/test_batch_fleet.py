@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import datetime as dt
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as papq
 import pytest
 
 from flexviz.batch import FleetRow, FleetValue, drift_text, histories, outliers
-from flexviz.batch.page import summary_page
+from flexviz.batch.page import found_text, summary_page
+from flexviz.batch.table import read_table, write_table
 
 LABELS = ("stiffness:joint1", "stiffness:joint2", "viscous_friction_sum:joint1")
 STD = 2.0
@@ -61,6 +65,20 @@ def test_an_outlier_is_found_and_not_its_neighbours() -> None:
     assert found.median == pytest.approx(1000, abs=10) and -30 < found.deviations < -10
     page = summary_page(rows, "<arms>", dt.datetime(2026, 1, 2, tzinfo=dt.UTC))
     assert "&lt;arms&gt;" in page and "robot7/2025-01-10" in page and "Coulomb friction on joint2" in page
+
+
+def test_a_family_is_named_where_the_data_do_not_tell_its_members_apart(tmp_path: Path) -> None:
+    told = row("robot0", dt.date(2025, 1, 10), {})
+    untold = replace(told, families=("dry_friction",))
+    assert (found_text(told), found_text(untold)) == ("Coulomb friction on joint2", "Dry friction on joint2")
+    page = summary_page([told, untold], "arms", dt.datetime(2026, 1, 2, tzinfo=dt.UTC))
+    assert "Coulomb friction 1, Dry friction 1." in page
+    file = tmp_path / "results.parquet"
+    write_table([told, untold], file)
+    assert read_table(file) == [told, untold]
+    earlier = papq.read_table(file).drop_columns(["families"])
+    papq.write_table(earlier, file)
+    assert [one.families for one in read_table(file)] == [(), ()]
 
 
 def test_false_alarms_are_as_rare_as_stated() -> None:

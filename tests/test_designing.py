@@ -19,7 +19,7 @@ from flexviz.errors import InputError
 from flexviz.results.diagnosis_summary import candidate_lines
 from flexviz.results.entries import CandidateEntry, TieEntry
 from flexviz.simulation import Fourier, follow, make_plan, simulate_run
-from flexviz.wording import families
+from flexviz.wording import merged_findings
 
 ENTRY = CandidateEntry(
     effect="coulomb_friction",
@@ -210,7 +210,7 @@ def test_wrong_arguments_are_named(call: Callable[[], Design], words: str) -> No
 
 
 def test_a_tie_in_the_summary_names_the_command() -> None:
-    (family,) = families([ENTRY])
-    line = list(candidate_lines(1, family, ("joint2",)))[-1]
+    (merged,) = merged_findings([ENTRY])
+    line = list(candidate_lines(1, merged, ("joint2",)))[-1]
     options = "--separate coulomb_friction:joint2 --separate link_coulomb_friction:joint2"
     assert line.strip() == f"the motion that would decide: flexviz design SET {options} --out DIR"

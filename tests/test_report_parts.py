@@ -20,7 +20,7 @@ from flexviz.measurements import read_set
 from flexviz.report import diagnosed_session, session_report
 from flexviz.report.sections.errors import columns
 from flexviz.session import Session, diagnosed_models, is_session, open_session, save_session
-from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, GUARD, OFFSET
+from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, GUARD, OFFSET, TIED_DIAGNOSIS
 from tests.small_session import small_session
 from tests.small_set import write_small_set
 
@@ -269,7 +269,12 @@ def test_effects_of_one_kind_are_one_part_with_a_value_per_joint(tmp_path: Path)
         (), ("coulomb_friction:joint2", "coulomb_friction:joint1"), ("torque_offset:joint1",),
     ]  # fmt: skip
     assert [model.diagnosis.steps for model in models] == [(BEFORE,), (both,), (offset,)]
-    assert [model.diagnosis.findings for model in models] == [found.findings, (OFFSET,), ()]
+    findings = [model.diagnosis.findings for model in models]
+    assert [[one.text for one in each] for each in findings] == [
+        [one.text for one in found.findings], ["torque_offset:joint1"], [],
+    ]  # fmt: skip
+    shares = [one.share or 0.0 for one in findings[0]]
+    assert sum(shares) <= 1.0 and shares[0] > shares[2] > 0.0
     assert models[-1].diagnosis.maps and not models[1].diagnosis.maps
 
     session = diagnosed_session(measurements, found)
@@ -280,8 +285,43 @@ def test_effects_of_one_kind_are_one_part_with_a_value_per_joint(tmp_path: Path)
     ]
     text = session_report(session, measurements, "md")
     assert "### Added: Coulomb friction on joints 1 and 2" in text and "### Added: Torque offset on" in text
-    assert "Missing: Coulomb friction on joints 1 and 2 and Torque offset on joint1 (added here)." in text
-    assert "| joint1 | coulomb 7.000 ± 0.039 Nm | 62 % | 98 % |" in text
+    assert (
+        "Missing: Coulomb friction on joints 1 and 2: 96 % of the error; Torque offset on joint1: 4 % of the "
+        "error (added here). With them not all of the error is explained"
+    ) in text
+    assert "Together they remove 96 % of the error; confidence 98 %." in text
+    assert "| joint1 | coulomb 7.000 ± 0.039 Nm | 98 % |" in text
     assert text.count("absorbed") == 1  # listed once, briefly
     assert "What stays: joint2" in text and "1 adds Coulomb friction on joints 1 and 2; 2 adds" in text
     assert "model 3" not in text and text.count("| added |") == 3
+
+
+def test_a_report_names_the_family_where_the_data_do_not_tell_its_members_apart(tmp_path: Path) -> None:
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    untold = "which kind, these data do not tell"
+    session = diagnosed_session(measurements, TIED_DIAGNOSIS)
+    assert session.present.label == "added Dry friction on joint2"
+    text = session_report(session, measurements, "md")
+    assert f"Missing: Dry friction on joint2 ({untold}): \\> 99 % of the error (added here)." in text
+    assert f"### Added: Dry friction on joint2; {untold}" in text and "confidence 97 %" in text
+    assert "Alike in these data: Coulomb friction and Coulomb friction at the link." in text
+    assert "1 adds Dry friction on joint2" in text and "added Dry friction on joint2 |" in text
+    # proposed, not yet added
+    proposed = diagnosed_session(measurements, replace(TIED_DIAGNOSIS, steps=(BEFORE,)))
+    text = session_report(proposed, measurements, "md")
+    assert f"### Proposed: Dry friction on joint2; {untold}" in text
+    assert f"confidence 97 %; {untold}." in text
+
+
+def test_a_report_tells_why_these_effects(tmp_path: Path) -> None:
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    session = diagnosed_session(measurements, TIED_DIAGNOSIS)
+    assert session.past[-1].analysis.diagnosis is not None and not session.past[-1].analysis.diagnosis.trace
+    text = session_report(session, measurements, "md")
+    part = text[text.index("## Why these effects: what was tried") :].split("\n## ")[0]
+    assert "| **Dry friction on joint2 added** | 400 ± 12 | coarse | accepted |" in part
+    assert "| Torque offset on joint1 not added | 1.5 ± 1.0 | fine | within its error |" in part
+    assert "Of 40 decoys none was accepted: candidates that cannot be right" in part
+    assert "Why these effects" in session_report(session, measurements, "html")
+    without = diagnosed_session(measurements, DIAGNOSIS)
+    assert "Why these effects" not in session_report(without, measurements, "md")

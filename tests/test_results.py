@@ -16,7 +16,7 @@ from flexviz.identification import Identification, identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.results import ParameterNotFound, ResultDocument, json_schema, read_result
-from tests.found import DIAGNOSIS, GUARD, MAPS
+from tests.found import DIAGNOSIS, GUARD, MAPS, TIED_DIAGNOSIS
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -31,7 +31,12 @@ def test_the_schema_in_the_docs_is_current() -> None:
 
 
 def test_what_is_written_is_read_back(result: Identification, tmp_path: Path) -> None:
-    for found in (result, DIAGNOSIS, replace(DIAGNOSIS, guard=None, free_curve=None, maps=())):
+    for found in (
+        result,
+        DIAGNOSIS,
+        TIED_DIAGNOSIS,
+        replace(DIAGNOSIS, guard=None, free_curve=None, maps=()),
+    ):
         file = tmp_path / "result.json"
         file.write_text(as_json(found.to_dict()), encoding="utf-8")
         again = read_result(file)
@@ -53,6 +58,36 @@ def test_a_diagnosis_holds_everything_that_was_found() -> None:
     assert document["typed_notes"][0]["kind"] == "unexplained"
     assert document["model"]["parameters"][4]["std"] is None  # infinite
     assert "steps" not in DIAGNOSIS.to_dict(steps=False)
+
+
+def test_a_family_stands_with_its_finding_and_with_the_step_that_adds_it() -> None:
+    document = json.loads(as_json(TIED_DIAGNOSIS.to_dict()))
+    tied, offset = document["candidates"]
+    expected = {
+        "name": "dry_friction",
+        "tied": True,
+        "members": ["coulomb_friction", "link_coulomb_friction"],
+        "confidence": 0.97,
+    }
+    assert tied["family"] == expected == document["steps"][1]["added"]["family"]
+    assert tied["effect"] == "coulomb_friction" and tied["confidence"] == 0.4
+    assert "family" not in offset and "family" not in DIAGNOSIS.to_dict()["steps"][1]["added"]
+    assert TIED_DIAGNOSIS.findings[0].to_dict()["family"] == expected
+
+
+def test_the_trace_of_the_search_and_its_decoys() -> None:
+    document = TIED_DIAGNOSIS.to_dict()
+    assert [(move["kind"], move["accepted"]) for move in document["trace"]] == [
+        ("add", True), ("add", False), ("swap", False),
+    ]  # fmt: skip
+    assert document["trace"][1]["why"] == "within its error" and document["trace"][2]["removed"]
+    assert document["decoys"] == {"accepted": 0, "tried": 40}
+    without = replace(
+        TIED_DIAGNOSIS, trace=(replace(TIED_DIAGNOSIS.trace[0], error=float("inf")),), decoys=None
+    )
+    assert without.to_dict()["trace"][0]["error"] is None and "decoys" not in without.to_dict()
+    old = {key: value for key, value in TIED_DIAGNOSIS.to_dict().items() if key not in ("trace", "decoys")}
+    assert ResultDocument.from_dict(old).trace == []
 
 
 def test_results_are_compared_by_identity_and_can_be_hashed(result: Identification) -> None:
@@ -99,7 +134,7 @@ def test_the_summary_is_a_table(result: Identification) -> None:
     assert "rms fit [Nm]" in text and "observer butterworth-zero-phase" in text
     html = result._repr_html_()
     assert html.count("<table>") == 3 and "<td>stiffness</td>" in html
-    assert "Missing: Coulomb friction on joint2." in DIAGNOSIS._repr_html_()
+    assert "Missing: Coulomb friction on joint2:" in DIAGNOSIS._repr_html_()
 
 
 def test_files_are_checked_strictly(tmp_path: Path) -> None:
@@ -157,5 +192,5 @@ def test_the_values_of_what_was_added_after_the_first_effect_are_told() -> None:
     )
     text = document.summary()
     assert text.count("then added:") == 1
-    assert "then added: backlash on joint2: half_width 0.2500 ± 0.0020 rad; confidence 0.95" in text
+    assert "then added: backlash on joint2: half_width 0.2500 ± 0.0020 rad; removes < 1 %" in text
     assert "2. backlash on joint2: half_width 0.5000 ± 0.0020 rad" in text

@@ -14,7 +14,7 @@ import pytest
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.session import SESSION_FILE, Session, is_session, open_session, save_session, zipped
-from tests.found import DIAGNOSIS
+from tests.found import DIAGNOSIS, TIED_DIAGNOSIS
 from tests.small_session import small_session
 
 
@@ -51,6 +51,25 @@ def test_everything_comes_back(session: Session, measurements: MeasurementSet, t
     assert again.analysis.model_steps[0].step.groups == DIAGNOSIS.steps[0].groups
     assert again.analysis.path == opened.measurements.path == measurements.path
     assert not (folder / "measurements.toml").exists() and not opened.changed
+
+
+def test_a_diagnosis_keeps_its_families_and_its_trace(measurements: MeasurementSet, tmp_path: Path) -> None:
+    session = Session.of(measurements)
+    session = session.then("diagnosed", session.analysis.with_diagnosis(TIED_DIAGNOSIS))
+    folder = save_session(session, measurements, tmp_path / "kept")
+    again = open_session(folder).session.analysis.diagnosis
+    assert again is not None and again.findings[0].family == TIED_DIAGNOSIS.findings[0].family
+    assert again.trace == TIED_DIAGNOSIS.trace and again.decoys == (0, 40)
+    file = folder / SESSION_FILE
+    document = json.loads(file.read_text())
+    for packed in document["shared"]:  # as earlier versions wrote it
+        for key in ("trace", "decoys"):
+            packed.pop(key, None)
+        for finding in packed.get("findings", []):
+            finding.pop("family")
+    file.write_text(json.dumps(document))
+    old = open_session(folder).session.analysis.diagnosis
+    assert old is not None and old.findings[0].family is None and old.trace == () and old.decoys is None
 
 
 def test_a_set_without_session_has_none(measurements: MeasurementSet) -> None:

@@ -33,7 +33,9 @@ from flexviz.view.residuals import (
 from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
-from flexviz.wording import Family, effect_text_name, share_text, values_text, verdict_text
+from flexviz.view.trace import trace_html
+from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
+from tests.found import TIED, TIED_DIAGNOSIS
 
 JOINTS = ("joint1", "joint2")
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
@@ -107,11 +109,19 @@ def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
     tilt = {"tilt_x": EffectParameter(-1e-9, 30.0, "rad"), "tilt_y": EffectParameter(0.02, 1e-4, "rad")}
     turned = replace(FINDING, effect="base_tilt", joint=None, parameters=tilt)
     assert values_text(turned) == "tilt x not determined, tilt y 0.02000 ± 0.00020 rad"  # bounds: ± 0.6
-    text = finding_html(Family((FINDING,)), 1, full=True)
+    text = finding_html(MergedFinding((FINDING,)), 1, full=True)
     for part in ("1. Coulomb friction on joint2", "98 %", "62 %", "twice as heavy", "12.00 → 10.10 Nm s/rad"):
         assert part in text, part
     bare = replace(FINDING, inseparable_from=(), absorbed=(), parameters={}, evidence=None)
-    assert "fv-warn" not in finding_html(Family((bare,)), 2, full=True)
+    assert "fv-warn" not in finding_html(MergedFinding((bare,)), 2, full=True)
+
+
+def test_a_card_names_the_family_and_its_kinds() -> None:
+    text = finding_html(MergedFinding((TIED,), 0.98), 1, full=True)
+    assert "1. Dry friction on joint2; which kind, these data do not tell" in text
+    assert "confidence 97 %, removes 98 % of the error" in text and "fv-likely" in text
+    assert "The model has Coulomb friction, the simplest." in text
+    assert "Alike" not in finding_html(MergedFinding((FINDING,)), 1, full=True)
 
 
 @pytest.mark.parametrize(
@@ -157,6 +167,9 @@ def test_stairs_fall_and_say_what_was_added() -> None:
     assert both.x.ticks == ((0, "0"), (1, "1")) and both.series[1].dash and not both.series[0].dash
     assert "g1 from 1.58 to 0.158 Nm" in both.description
     assert "+ Coulomb friction on joint2" in staircase_html(model_steps, JOINTS)
+    families = (("coulomb_friction:joint2", "dry_friction"),)
+    untold = (model_steps[0], replace(model_steps[1], families=families))
+    assert "+ Dry friction on joint2" in staircase_html(untold, JOINTS)
     without = tuple(ModelStep(s.effects, replace(s.step, groups=(), noise_floor=())) for s in model_steps)
     assert [series.label for series in staircase_charts(without, 0, JOINTS)[0].series] == [
         "fit",
@@ -265,3 +278,14 @@ def test_what_to_do_next(tmp_path: Any) -> None:
         replace(DIAGNOSIS, verdict="nothing-missing", findings=())
     )
     assert "Compare" in next_step(done, "Diagnose", False).text
+
+
+def test_what_was_tried_is_a_folded_table() -> None:
+    text = trace_html(TIED_DIAGNOSIS, JOINTS)
+    assert "<details" in text and "<summary>Why these effects: what was tried</summary>" in text
+    assert "<td>✓ Dry friction on joint2 added</td><td>400 ± 12</td><td></td>" in text
+    assert "<td>– Torque offset on joint1 not added</td><td>1.5 ± 1.0</td><td>within its error</td>" in text
+    assert "Of 40 decoys none was accepted." in text
+    harmful = replace(TIED_DIAGNOSIS.trace[1], why="<b>")
+    assert "<b>" not in trace_html(replace(TIED_DIAGNOSIS, trace=(harmful,), decoys=None), JOINTS)
+    assert trace_html(None) == trace_html(DIAGNOSIS, JOINTS) == ""

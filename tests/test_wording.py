@@ -9,24 +9,31 @@ from typing import Any
 
 import pytest
 
-from flexviz.diagnosis import EffectParameter, Step
+from flexviz.diagnosis import EffectParameter, Move, Step
 from flexviz.diagnosis.result import Absorbed, Note
+from flexviz.effects import EFFECT_FAMILIES, EFFECTS
 from flexviz.results import CandidateEntry, parts
 from flexviz.wording import (
+    FAMILY_TITLES,
+    decoys_text,
     explained,
-    families,
+    family_title,
     joints_text,
+    kinds_text,
     left_text,
     mean_nrms,
+    merged_findings,
+    merged_texts,
     moved,
     span_text,
-    text_families,
+    step_shares,
     text_names,
     text_runs,
+    told_moves,
     torque_error_text,
     verdict_text,
 )
-from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
+from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS, TRACE
 
 FIRST = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(7.0, 0.02, "Nm")}, score=0.5)
 JOINTS = ("joint1", "joint2")
@@ -63,22 +70,22 @@ def test_joints_in_a_sentence(names: tuple[str, ...], joints: tuple[str, ...], t
     assert joints_text(names, joints) == text
 
 
-def test_likely_effects_of_one_kind_are_a_family() -> None:
+def test_likely_effects_of_one_kind_are_merged() -> None:
     doubtful = replace(COULOMB, joint="joint3", confidence=0.3)
-    found = families((COULOMB, OFFSET, FIRST, doubtful))
-    assert [family.name() for family in found] == [
+    found = merged_findings((COULOMB, OFFSET, FIRST, doubtful))
+    assert [merged.name() for merged in found] == [
         "Coulomb friction on joints 1 and 2", "Torque offset on joint1", "Coulomb friction on joint3",
     ]  # fmt: skip
     assert [m.joint for m in found[0].by_joint(JOINTS)] == ["joint1", "joint2"]
-    # rivals of one search are no family: at most one of them is likelier than not
-    assert len(families((COULOMB, replace(FIRST, confidence=0.01)))) == 2
+    # rivals of one search stay apart: at most one of them is likelier than not
+    assert len(merged_findings((COULOMB, replace(FIRST, confidence=0.01)))) == 2
     group = replace(COULOMB, effect="external_contact", group="g1")
-    assert len(families((group, replace(group, joint="joint1")))) == 2
+    assert len(merged_findings((group, replace(group, joint="joint1")))) == 2
 
 
-def test_families_by_their_texts() -> None:
+def test_merged_by_their_texts() -> None:
     texts = ("a:joint2", "torque_delay", "a:joint1", "payload_error:p1", "payload_error:p2")
-    assert text_families(texts, JOINTS) == [
+    assert merged_texts(texts, JOINTS) == [
         ("a:joint2", "a:joint1"), ("torque_delay",), ("payload_error:p1",), ("payload_error:p2",),
     ]  # fmt: skip
     assert text_names(("coulomb_friction:joint2", "coulomb_friction:joint1"), JOINTS) == [
@@ -111,11 +118,12 @@ def lines(diagnosis: Any, spread: tuple[float, ...] = ()) -> str:
     return replace(diagnosis, torque_spread=spread).summary(width=160)
 
 
-def test_the_summary_has_one_line_per_family_with_the_share_of_the_torque() -> None:
+def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> None:
     both: Step = replace(AFTER, added=FIRST, rms_validation=(0.02, 0.3))
     diagnosis = replace(DIAGNOSIS, findings=(COULOMB, FIRST, OFFSET), steps=(BEFORE, AFTER, both))
     text = lines(diagnosis, (11.0, 10.0))
-    assert text.startswith("Missing: Coulomb friction on joints 1 and 2. Together they explain 81 %")
+    assert text.startswith("Missing: Coulomb friction on joints 1 and 2: 98 % of the error, confidence 98 %.")
+    assert "1. coulomb_friction on joints 1 and 2: together they remove 98 % of the error" in text
     assert "joint1: coulomb 7.000 ± 0.039 Nm" in text and "joint2: coulomb 3.000 ± 0.020 Nm" in text
     rows = [line.split() for line in text.splitlines()]
     assert ["20.0", "11.0", "15.5", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
@@ -136,9 +144,11 @@ def test_a_held_out_group_without_samples_leaves_no_empty_error() -> None:
 
 
 def test_rivals_stay_apart_in_the_verdict() -> None:
-    assert verdict_text(DIAGNOSIS).startswith("Missing: Coulomb friction on joint2. It explains 62 %")
+    assert verdict_text(DIAGNOSIS).startswith("Missing: Coulomb friction on joint2: > 99 % of the error")
+    untried = replace(DIAGNOSIS, steps=(BEFORE,))  # without --apply
+    assert verdict_text(untried).startswith("Missing: Coulomb friction on joint2. It explains 62 %")
     entries = [CandidateEntry.model_validate(f) for f in (COULOMB, FIRST)]
-    assert families(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
+    assert merged_findings(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
     assert isinstance(parts(DIAGNOSIS.document(), 160)[0], str)
 
 
@@ -158,3 +168,139 @@ def test_where_a_residual_is_largest() -> None:
     assert span_text(place("velocity", -0.25, 1.5), "rad/s", groups) == "−0.250 … 1.50 rad/s"
     assert span_text(place("velocity", None, 1.5), "rad/s", groups) == "– … 1.50 rad/s"
     assert span_text(place("group", 1.0, 1.0), "-", groups) == "run2"
+
+
+def test_shares_of_the_error_add_up_to_what_was_removed() -> None:
+    def step(*rms: float, held_out: tuple[float, ...] | None = None) -> Step:
+        return replace(BEFORE, rms=rms, rms_validation=held_out)
+
+    # joints with another torque: only the share of the torque counts
+    spread = (10.0, 100.0)
+    steps = [step(4.0, 40.0), step(0.0, 40.0), step(0.0, 20.0)]
+    assert step_shares(steps, spread) == pytest.approx([0.0, 0.5, 0.375])
+    assert sum(step_shares(steps, ())) == pytest.approx(1 - 400 / 1616)  # without it, Nm
+    # what raises the error removes nothing, and nothing is counted twice
+    steps = [step(4.0), step(1.0), step(2.0), step(1.0)]
+    assert step_shares(steps, (10.0,)) == pytest.approx([0.0, 15 / 18 * 15 / 16, 0.0, 3 / 18 * 15 / 16])
+    assert step_shares([step(1.0), step(2.0)], (1.0,)) == [0.0, 0.0]
+    # of the held-out groups, where all models have them
+    held = [step(4.0, held_out=(2.0,)), step(0.0, held_out=(1.0,))]
+    assert step_shares(held, (10.0,)) == pytest.approx([0.0, 0.75])
+    assert step_shares([held[0], step(0.0)], (10.0,)) == pytest.approx([0.0, 1.0])
+    assert step_shares([], ()) == [] and step_shares(steps[:1], (10.0,)) == [0.0]
+
+
+def one_of_six(joint: str, effect: str = "coulomb_friction", **changes: Any) -> Any:
+    return replace(COULOMB, effect=effect, joint=joint, parameters={}, **changes)
+
+
+def test_the_headline_names_what_removes_most_of_the_error() -> None:
+    """A cable spring that was found first and explains next to nothing does not lead."""
+    joints = tuple(f"joint{k}" for k in range(1, 7))
+    added = [one_of_six("joint2", "cable_spring", confidence=0.99), *map(one_of_six, joints)]
+    rms = [7.0, 6.99, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0]
+    steps = [replace(BEFORE, added=None if k == 0 else added[k - 1], rms=(r,), rms_validation=(r,),
+                     groups=(), noise_floor=()) for k, r in enumerate(rms)]  # fmt: skip
+    found = replace(DIAGNOSIS, findings=tuple(added), steps=tuple(steps), model=None)
+    said = "Missing: Coulomb friction on all six joints: 98 % of the error, confidence 98 %."
+    assert verdict_text(found, joints=joints) == said
+    assert verdict_text(found.document(), joints=joints) == said  # and from a file
+    text = found.summary().splitlines()
+    assert text[0].startswith("Missing: Coulomb friction on joints 1, 2, 3, 4, 5 and 6: 98 %")
+    order = [line for line in text if line.strip()[:2] in ("1.", "2.")]
+    assert "together they remove 98 % of the error" in order[0] and "cable_spring on joint2" in order[1]
+    assert "removes < 1 % of the error, confidence 0.99" in order[1]
+    shares = [candidate["share"] for candidate in found.to_dict()["candidates"]]
+    assert shares == sorted(shares, reverse=True) and sum(shares) == pytest.approx(1 - 1 / 49)
+
+
+def test_a_family_is_named_where_the_data_do_not_tell_its_members_apart() -> None:
+    untold = "which kind, these data do not tell"
+    assert verdict_text(TIED_DIAGNOSIS) == (
+        f"Missing: Dry friction on joint2: > 99 % of the error, confidence 97 %; {untold}."
+    )
+    assert verdict_text(replace(TIED_DIAGNOSIS, steps=(BEFORE,))).endswith(f"confidence 97 %; {untold}.")
+    text = TIED_DIAGNOSIS.summary()
+    assert f"1. dry friction ({untold}; here coulomb_friction) on joint2: coulomb 3.000" in text
+    assert "confidence 0.97" in text and "+ Dry friction on joint2" in text
+    # told apart: the effect, as ever
+    told = replace(TIED, family=replace(FRICTION, tied=False), confidence=0.98)
+    assert verdict_text(replace(DIAGNOSIS, findings=(told,), steps=(BEFORE,))).startswith("Missing: Coulomb")
+    # one family on several joints is one finding, beside an effect of it that was told apart
+    both = (TIED, replace(TIED, joint="joint1"), replace(told, joint="joint1"))
+    names = [merged.statement(JOINTS) for merged in merged_findings(both)]
+    assert names == [f"Dry friction on joints 1 and 2; {untold}", "Coulomb friction on joint1"]
+    assert kinds_text(TIED) == (
+        "Alike in these data: Coulomb friction and Coulomb friction at the link. "
+        "The model has Coulomb friction, the simplest."
+    )
+    assert kinds_text(COULOMB) == ""
+
+
+def test_every_family_has_a_title() -> None:
+    assert FAMILY_TITLES.keys() == EFFECT_FAMILIES.keys()
+    assert family_title("torque_scale") == "torque scale or load-dependent friction"
+    assert family_title("not_yet_known") == "not yet known"
+
+
+def test_effects_that_stand_for_a_family_by_their_texts() -> None:
+    texts = ("coulomb_friction:joint2", "coulomb_friction:joint1")
+    families: dict[str, str] = dict.fromkeys(texts, "dry_friction")
+    assert text_names(texts, JOINTS, families) == ["Dry friction on joints 1 and 2"]
+    assert text_names(texts, JOINTS, {texts[0]: "dry_friction"}) == [
+        "Dry friction on joint2", "Coulomb friction on joint1",
+    ]  # fmt: skip
+    added = [[], *([text] for text in texts)]
+    assert text_runs(added, JOINTS, families)[1][0] == "Dry friction on joints 1 and 2"
+    assert len(text_runs(added, JOINTS, {texts[1]: "dry_friction"})) == 3
+
+
+def test_what_was_tried_is_told_briefly() -> None:
+    def add(effect: str, joint: str, delta: float, error: float = 3.0, **changes: Any) -> Move:
+        return Move("add", (f"{effect}:{joint}",), (), delta, error, True, "coarse", **changes)
+
+    friction = [add("coulomb_friction", joint, 100.0, 3.0) for joint in JOINTS]
+    offset, gap = add("torque_offset", "joint1", 2.0, 1.0), add("backlash", "joint2", 4.0, 9.0)
+    refused = [replace(offset, accepted=False, why="within its error"),
+               replace(friction[0], accepted=False, delta=5.0),  # accepted later
+               replace(gap, accepted=False, resolution="fine", why="at a bound"),
+               replace(gap, accepted=False, delta=-4.0)]  # fmt: skip
+    drop = Move("drop", (), ("cable_spring:joint2",), 7.0, 2.0, True, "fine")
+    unknown = Move("unknown", ("unknown:joint1",), (), 50.0, float("inf"), True, "fine")
+    told = told_moves([refused[1], friction[0], refused[3], *friction[1:], *refused, drop, unknown], JOINTS)
+    assert [move.line for move in told] == [
+        "Coulomb friction on joints 1 and 2 added: 200.0 ± 4.2 nats",
+        "Cable spring on joint2 dropped: 7.0 ± 2.0 nats",
+        "an unknown torque on joint1 allowed for: 50.00 ± – nats",
+        "Backlash on joint2 not added: 4.0 ± 9.0 nats (at a bound)",
+        "Torque offset on joint1 not added: 2.0 ± 1.0 nats (within its error)",
+    ]
+    assert len(told_moves(refused, JOINTS, refused=1)) == 1
+    swap = told_moves(TRACE[2:], JOINTS, {"coulomb_friction:joint2": "dry_friction"})[0]
+    assert swap.text == "Coulomb friction at the link on joint2 not put in place of Dry friction on joint2"
+    odd = Move("vary", ("coulomb_friction:joint1",), (), float("nan"), 1.0, False, "fine")
+    assert told_moves([odd])[0].text == "vary of Coulomb friction on joint1 not made"
+    assert [decoys_text(count, 40) for count in (0, 1, 2)] == [
+        "of 40 decoys none was accepted", "of 40 decoys 1 was accepted", "of 40 decoys 2 were accepted",
+    ]  # fmt: skip
+
+
+def test_the_summary_tells_why_in_six_lines() -> None:
+    text = TIED_DIAGNOSIS.summary().splitlines()
+    first = next(k for k, line in enumerate(text) if line.startswith("why these effects"))
+    assert text[first + 1 : first + 5] == [
+        "     Dry friction on joint2 added: 400 ± 12 nats",
+        "     Torque offset on joint1 not added: 1.5 ± 1.0 nats (within its error)",
+        "     Coulomb friction at the link on joint2 not put in place of Dry friction on joint2: -3.0 ± 2.0 "
+        "nats (worse)",
+        "     of 40 decoys none was accepted",
+    ]
+    names = list(EFFECTS)[:8]
+    many = [replace(TRACE[0], added=(f"{name}:joint1",)) for name in names]
+    refused = [
+        replace(move, accepted=False, added=("backlash:joint2",), delta=k) for k, move in enumerate(many)
+    ]
+    shown = replace(DIAGNOSIS, trace=(*many, *refused)).summary().splitlines()
+    own = [line for line in shown if line.endswith("nats") or "accepted" in line or "why these" in line]
+    assert len(own) == 6 and own[4].strip() == "5 more accepted moves" and "not added" in own[5]
+    assert "why these" not in DIAGNOSIS.summary()

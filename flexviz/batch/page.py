@@ -58,7 +58,7 @@ def summary_page(rows: Sequence[FleetRow], title: str, when: datetime) -> str:
 
 def found_text(row: FleetRow) -> str:
     """Effects that were added to a set's model: "Coulomb friction joint2"; a dash for none."""
-    return ", ".join(effect_text_name(name) for name in row.found) or "–"
+    return ", ".join(effect_text_name(name, family) for name, family in row.named) or "–"
 
 
 def verdict_words(row: FleetRow) -> str:
@@ -118,8 +118,12 @@ def _overview(
     ]
     left = states[WAITING]
     rest = f"Not finished: {plural(left, 'set')} left. The same command goes on with them." if left else ""
-    effects = Counter(name.partition(":")[0] for row in rows for name in set(row.found))
-    counted = ", ".join(f"{effect_text_name(name)} {count}" for name, count in effects.most_common(8))
+    effects = Counter(
+        (name.partition(":")[0] if not family else "", family)
+        for row in rows
+        for name, family in set(row.named)
+    )
+    counted = ", ".join(f"{effect_text_name(*kind)} {count}" for kind, count in effects.most_common(8))
     text = f"Effects added, by the number of places: {counted}." if counted else ""
     return section(
         "Summary", Tiles(tiles), Callout(rest, "warn") if rest else None, explanation(text) if text else None

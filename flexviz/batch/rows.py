@@ -6,6 +6,7 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 from pydantic import ValidationError
@@ -14,7 +15,7 @@ from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
 from flexviz.effects import free_curve
 from flexviz.results import ResultDocument
-from flexviz.wording import INERTIAL, mean_nrms
+from flexviz.wording import INERTIAL, confidence_of, mean_nrms, tied_families
 
 DONE, FAILED, WAITING = "done", "failed", "not done"
 
@@ -41,13 +42,15 @@ class FleetRow:
         verdict: of the diagnosis of the set's own model; "" without a diagnosis.
         final_verdict: of its last model.
         found: effects that were added, as "coulomb_friction:joint2".
-        confidence: of the first of them.
+        confidence: of the first of them, or of the family that it stands for.
         residual: error on held-out groups (of the fit where there are none) relative to the torque, mean of
             the joints.
         residual_before: the same of the set's own model.
         converged: whether the identification did.
         seconds: that the work took.
         parameters: "stiffness:joint1" -> value; inertial parameters are left out.
+        families: for each effect in `found` the family that it stands for, where the data do not tell which
+            kind; "" where they do. Empty in tables that earlier versions wrote.
     """
 
     set: str
@@ -70,6 +73,12 @@ class FleetRow:
     converged: bool | None
     seconds: float | None
     parameters: dict[str, FleetValue]
+    families: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> list[tuple[str, str]]:
+        """(effect, family that it stands for or "") of what was added."""
+        return list(zip_longest(self.found, self.families[: len(self.found)], fillvalue=""))
 
     @property
     def day(self) -> str:
@@ -109,6 +118,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
     final = diagnosed or identified
     steps = (step.added for step in diagnosed.steps) if diagnosed else ()
     added = [one for one in steps if one is not None and free_curve(one.effect) is None]
+    families = tied_families(added)
     before, after = _errors(identified, diagnosed)
     return FleetRow(
         **common,
@@ -117,7 +127,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         verdict=(diagnosed.verdict or "") if diagnosed else "",
         final_verdict=(diagnosed.final_verdict or "") if diagnosed else "",
         found=tuple(one.text for one in added),
-        confidence=added[0].confidence if added else None,
+        confidence=confidence_of(added[0]) if added else None,
         residual=after,
         residual_before=before,
         converged=identified.converged,
@@ -127,6 +137,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
             for p in final.all_parameters
             if p.name not in INERTIAL and free_curve(p.name) is None
         },
+        families=tuple(families.get(one.text, "") for one in added),
     )
 
 

@@ -29,7 +29,9 @@ KINDS: dict[str, pa.DataType] = {
     "converged": pa.bool_(),
     "seconds": pa.float64(),
     "found": pa.list_(pa.string()),
+    "families": pa.list_(pa.string()),
 }  # all others are texts
+ADDED_LATER = ("families",)  # columns that earlier versions did not write
 PLAIN = tuple(field.name for field in fields(FleetRow) if field.name != "parameters")
 
 
@@ -93,10 +95,14 @@ def _rows(table: pa.Table) -> list[FleetRow]:
     plain: dict[str, list[Any]] = {}
     for name in PLAIN:
         kind = KINDS.get(name, pa.string())
+        if name in ADDED_LATER and name not in table.schema.names:
+            plain[name] = [None] * table.num_rows
+            continue
         if table.schema.field(name).type != kind:
             raise ValueError(f"column {name} has another type")
         plain[name] = table[name].to_pylist()
-    plain["found"] = [tuple(one or ()) for one in plain["found"]]
+    for name in ("found", "families"):
+        plain[name] = [tuple(one or ()) for one in plain[name]]
     parameters: list[dict[str, FleetValue]] = [{} for _ in range(table.num_rows)]
     for field in table.schema:
         about = json.loads((field.metadata or {}).get(MARK, b"{}"))

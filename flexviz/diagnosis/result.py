@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from flexviz.results import (
     find_parameter,
     note_entries,
 )
+from flexviz.wording import finding_key, found_shares
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,47 @@ class EffectParameter(NamedTuple):
     unit: str
 
 
+@dataclass(frozen=True)
+class Family:
+    """Effects whose signatures the data cannot separate (`flexviz.effects.EFFECT_FAMILIES`).
+
+    Attributes:
+        name: "dry_friction", "constant_torque", "torque_scale".
+        tied: whether the members tie in these data; the family is then the finding.
+        members: names of the effects, the simplest first.
+        confidence: probability that one of the members is correct.
+    """
+
+    name: str
+    tied: bool
+    members: tuple[str, ...]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Move:
+    """One move that the search tried.
+
+    Attributes:
+        kind: "add", "drop", "swap" or "unknown" (an unknown torque).
+        added, removed: effects as on the command line: "coulomb_friction:joint1".
+        delta: decrease of the objective [nats].
+        error: its standard error [nats].
+        accepted: whether the search made the move.
+        resolution: "coarse" or "fine".
+        why: why it was refused, in words; "" if accepted.
+    """
+
+    kind: str
+    added: tuple[str, ...]
+    removed: tuple[str, ...]
+    delta: float
+    error: float
+    accepted: bool
+    resolution: str
+    why: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Finding:
     """A candidate for the missing effect.
@@ -100,6 +142,9 @@ class Finding:
         absorbed: parameters that absorbed the effect before, the largest change first.
         evidence: explained part of the residual; None for candidates that were not added.
         features: input of the confidence (`confidence.features`).
+        family: the family of effects that it belongs to; None if it belongs to none.
+        share: of the held-out mean squared error, relative to each joint's torque, that it removes in the
+            order in which the effects are added (`flexviz.wording.step_shares`); None if unknown.
     """
 
     effect: str
@@ -114,6 +159,8 @@ class Finding:
     absorbed: tuple[Absorbed, ...] = ()
     evidence: Evidence | None = None
     features: tuple[float, ...] = ()
+    family: Family | None = None
+    share: float | None = None
 
     def __post_init__(self) -> None:
         named = {name: EffectParameter(*value) for name, value in self.parameters.items()}
@@ -189,6 +236,8 @@ class Diagnosis:
         guard: result of the bandwidth check; None if not run.
         torque_spread: per joint, standard deviation of the recorded torque over all groups [Nm]; empty if
             unknown.
+        trace: the moves that the search tried, in order.
+        decoys: (accepted, tried) candidates that cannot be right; None if none were tried.
     """
 
     set_name: str
@@ -206,6 +255,8 @@ class Diagnosis:
     free_curve: FreeCurve | None = None
     guard: BandwidthCheck | None = None
     torque_spread: tuple[float, ...] = ()
+    trace: tuple[Move, ...] = ()
+    decoys: tuple[int, int] | None = None
 
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter of the final model by name and joint: `diagnosis["stiffness", "joint1"]`.
@@ -240,6 +291,11 @@ class Diagnosis:
 
     def document(self) -> ResultDocument:
         """The result as a document for files."""
+        shares = found_shares(self)
+
+        def told(finding: Finding) -> Finding:
+            return replace(finding, share=shares.get(finding_key(finding)))
+
         torque = {}
         if self.model is not None and self.torque_spread:
             torque = {"torque": {"joints": self.model.joints, "spread": self.torque_spread}}
@@ -248,9 +304,9 @@ class Diagnosis:
                 "format": 1,
                 "set": self.set_name,
                 "verdict": self.verdict,
-                "candidates": self.findings,
+                "candidates": sorted(map(told, self.findings), key=lambda one: -(one.share or 0.0)),
                 "where": self.where,
-                "steps": self.steps,
+                "steps": [replace(s, added=s.added and told(s.added)) for s in self.steps],
                 "model": {"effects": self.effects, "parameters": self.parameters},
                 **note_entries(self.notes),
                 "maps": self.maps,
@@ -258,6 +314,8 @@ class Diagnosis:
                 **curve_entries(self.parameters),
                 "guard": self.guard,
                 **torque,
+                "trace": self.trace,
+                **({} if self.decoys is None else {"decoys": self.decoys}),
                 "stopped": self.stopped,
                 "seconds": self.seconds,
             }

@@ -3,6 +3,7 @@
 from flexviz.effects.curve_forms import CurveForm, curve_points, simple_form
 from flexviz.effects.effect import Effect, EffectEvidence, HiddenStart, JointScale
 from flexviz.effects.effect_draft import draft_effect
+from flexviz.effects.families import EFFECT_FAMILIES, family_of
 from flexviz.effects.free_curve import CURVES, FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
@@ -27,6 +28,7 @@ from flexviz.effects.user_effects import forget_effects, load_effects, loaded_fi
 __all__ = [
     "CURVES",
     "EFFECTS",
+    "EFFECT_FAMILIES",
     "EFFECT_NAMES",
     "FREE_CURVE_DIRECTIONS",
     "SIGN_VELOCITY",
@@ -51,6 +53,7 @@ __all__ = [
     "choose_effects",
     "curve_points",
     "draft_effect",
+    "family_of",
     "forget_effects",
     "free_curve",
     "is_user_defined",

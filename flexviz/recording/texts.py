@@ -11,10 +11,15 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.scene import RobotMotion
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import (
+    MergedFinding,
     absorbed_list,
     as_markdown,
+    confidence_range,
+    finding_key,
     finding_name,
+    found_shares,
     number,
+    removes_text,
     share_text,
     span_text,
     tie_text,
@@ -107,8 +112,10 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     lines = [f"# {as_markdown(verdict)}", ""]
     if diagnosis.stopped:
         lines += ["**Stopped before the end**: these are the results up to then.", ""]
-    for rank, finding in enumerate(diagnosis.findings[:MAX_FINDINGS], 1):
-        lines += _finding_lines(finding, rank)
+    shares = found_shares(diagnosis)
+    ranked = sorted(diagnosis.findings, key=lambda one: -shares.get(finding_key(one), -1.0))
+    for rank, finding in enumerate(ranked[:MAX_FINDINGS], 1):
+        lines += _finding_lines(MergedFinding((finding,), shares.get(finding_key(finding))), rank)
     more = len(diagnosis.findings) - MAX_FINDINGS
     if more > 0:
         lines += [f"… and {more} less likely.", ""]
@@ -135,10 +142,11 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return "\n".join([*lines, "", *(f"- {as_markdown(text)}" for text in notes)])
 
 
-def _finding_lines(finding: Finding, rank: int) -> list[str]:
+def _finding_lines(one: MergedFinding[Finding], rank: int) -> list[str]:
+    (finding,) = one.members
     lines = [
-        f"{rank}. **{as_markdown(finding_name(finding))}**: confidence {share_text(finding.confidence)}, "
-        f"explains {share_text(finding.score)} of the error above the noise"
+        f"{rank}. **{as_markdown(one.statement())}**: confidence {confidence_range(one.members)}, "
+        f"{removes_text(one)}"
     ]
     if finding.parameters:
         lines.append(f"   - {as_markdown(values_text(finding))}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,14 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
-from flexviz.wording import families, text_runs
+from flexviz.wording import (
+    MergedFinding,
+    found_shares,
+    merged_findings,
+    merged_texts,
+    step_shares,
+    text_runs,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +71,23 @@ class ReportContent:
     @property
     def runs(self) -> list[tuple[str, list[str], int]]:
         """The models as they are shown: neighbouring effects of one kind are one step; see `text_runs`."""
-        return text_runs([one.added for one in self.rounds], self.joints)
+        return text_runs([one.added for one in self.rounds], self.joints, self.families)
+
+    @property
+    def families(self) -> dict[str, str]:
+        """The families of those added effects that stand for one, by their texts."""
+        return dict(pair for one in self.rounds for pair in one.model.families)
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of the error of each added effect; those of one kind, added together, have equal parts."""
+        each = zip(self.rounds, step_shares(self.steps, self.spread), strict=True)
+        alike = (
+            (one.added, share)
+            for one, share in each
+            if len(merged_texts(one.added, self.joints, self.families)) == 1
+        )
+        return {text: share / len(texts) for texts, share in alike for text in texts}
 
     @property
     def shown(self) -> tuple[DiagnosisStep, ...]:
@@ -89,13 +113,18 @@ class ReportContent:
         """The added effects that a diagnosis found."""
         return [finding for _, finding in self.added if finding is not None]
 
+    def share_of(self, texts: Sequence[str]) -> float | None:
+        """Share of the error that added effects remove together; None if one of theirs is unknown."""
+        shares = self.shares
+        return sum(shares[text] for text in texts) if all(text in shares for text in texts) else None
+
     @property
-    def proposed(self) -> tuple[Finding, ...]:
+    def proposed(self) -> MergedFinding[Finding] | None:
         """The effect that the diagnosis proposes, on all joints where it is found."""
         diagnosis = self.diagnosis
         if diagnosis is None or diagnosis.verdict != "missing" or not diagnosis.findings:
-            return ()
-        return families(diagnosis.findings)[0].members
+            return None
+        return merged_findings(diagnosis.findings, found_shares(diagnosis))[0]
 
     @property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
@@ -144,7 +173,7 @@ def _rounds(session: Session, analysis: Analysis) -> tuple[DiagnosisRound, ...]:
 
 
 def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Session:
-    """The session that diagnosing a set in the app would give, with one state per family of effects."""
+    """The session that diagnosing a set in the app would give, with one state per kind of effect."""
     session = Session.of(measurements)
     analysis = session.analysis
     for model in diagnosed_models(diagnosis, measurements.joints):

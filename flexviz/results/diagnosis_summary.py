@@ -12,28 +12,40 @@ from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, Res
 from flexviz.results.tables import in_ascii, plain_table
 from flexviz.wording import (
     SAID_AS_SHARES,
-    Family,
+    UNTOLD,
+    MergedFinding,
     absorbed_list,
+    added_families,
     by_share,
+    confidence_of,
     confidence_range,
     curve_text,
+    decoys_text,
     explained,
-    families,
-    joint_score,
+    family_title,
+    finding_key,
+    found_shares,
     left_text,
     location,
     mean_nrms,
+    merged_findings,
     moved,
     normalised,
     number,
+    removes_text,
+    share_text,
     short_names,
     span_text,
     text_runs,
+    tied_families,
+    tied_family,
+    told_moves,
     value_text,
     verdict_text,
 )
 
 SHOWN_ABSORBED = 4  # parameters
+TRACE_LINES = 6  # of what was tried
 LABEL_WIDTH, COLUMN_WIDTH = 40, 10  # columns of a table with room for the models' names, and for a joint
 
 
@@ -45,9 +57,10 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     error = [] if last is None else last.rms_validation or last.rms
     worst = joints[by_share(error, spread)[0]] if error and spread else ""
     out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
-    for rank, family in enumerate(families(result.candidates), 1):
-        out += candidate_lines(rank, family, joints)
+    for rank, merged in enumerate(merged_findings(result.candidates, found_shares(result)), 1):
+        out += candidate_lines(rank, merged, joints)
     out += added_lines(result)
+    out += trace_lines(result, joints)
     if last is not None:
         out += steps_parts(result, joints, spread, width)
         if absorbed := moved(step.added for step in result.steps if step.added is not None):
@@ -93,19 +106,26 @@ def added_lines(result: ResultFields) -> Iterator[str]:
         for curve in result.curves
         if curve.form
     }
-    for added in (step.added for step in result.steps if step.added is not None):
+    later = [step.added for step in result.steps if step.added is not None]
+    shares = found_shares(result)
+    for added in sorted(later, key=lambda one: -shares.get(finding_key(one), 0.0)):
         if (key(added), added.confidence) not in listed:
             found = f": {values(last[key(added)])}" if key(added) in last else ""
-            sure = f"; confidence {added.confidence:.2f}" if added.confidence is not None else ""
+            share = shares.get(finding_key(added))
+            less = f"; removes {share_text(share)} of the error" if share is not None else ""
+            sure = f"; confidence {confidence_of(added):.2f}" if added.confidence is not None else ""
             form = in_ascii(forms.get((added.effect, added.joint), ""))
-            yield f"then added: {added.effect} on {place_text(added)}{found}{sure}{form}"
+            yield f"then added: {named(added)} on {place_text(added)}{found}{less}{sure}{form}"
 
 
-def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
-    """A candidate with its place and values; of a family, one value per joint."""
-    first, *others = family.members
+def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
+    """A candidate with its place and values; of several joints, one value per joint."""
+    first, *others = merged.members
     if not others:
-        yield f"{rank:3d}. {described(first)}"
+        yield (
+            f"{rank:3d}. {named(first)} on {place_text(first)}: {values(first)}; {removes_text(merged)}, "
+            f"confidence {confidence_of(first):.2f}"
+        )
         for tie in first.inseparable_from:
             place = f" on {tie.joint}" if tie.joint else ""
             yield f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})"
@@ -118,11 +138,10 @@ def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[
             yield f"     the motion that would decide: flexviz design SET {options} --out DIR"
         return
     yield (
-        f"{rank:3d}. {first.effect} on {family.place(joints)}: together explain "
-        f"{100 * joint_score(family.members):.0f} % of the held-out excess, confidence "
-        f"{confidence_range(family.members)}"
+        f"{rank:3d}. {named(first)} on {merged.place(joints)}: {removes_text(merged)}, confidence "
+        f"{confidence_range(merged.members)}"
     )
-    for member in family.by_joint(joints):
+    for member in merged.by_joint(joints):
         twins = ", ".join(
             tie.effect + (f" on {tie.joint}" if tie.joint != member.joint else "")
             for tie in member.inseparable_from
@@ -130,12 +149,10 @@ def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[
         yield f"     {member.joint}: {values(member)}" + (f"; not told apart from {twins}" if twins else "")
 
 
-def described(candidate: CandidateEntry) -> str:
-    """A candidate with its place, values, share and confidence."""
-    return (
-        f"{candidate.effect} on {place_text(candidate)}: {values(candidate)}; explains "
-        f"{100 * candidate.score:.0f} % of the held-out excess, confidence {candidate.confidence:.2f}"
-    )
+def named(one: PlaceEntry) -> str:
+    """The effect by its name on the command line, after the family that it stands for."""
+    family = tied_family(one)
+    return one.effect if family is None else f"{family_title(family.name)} ({UNTOLD}; here {one.effect})"
 
 
 def place_text(one: PlaceEntry) -> str:
@@ -154,13 +171,28 @@ def values(candidate: CandidateEntry | EffectEntry) -> str:
     )
 
 
+def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
+    """What the search tried: accepted moves, the best refused ones, decoys; six lines at most."""
+    moves = told_moves(result.trace, joints, added_families(result))
+    accepted, refused = ([m.line for m in moves if m.accepted == made] for made in (True, False))
+    decoys = [] if result.decoys is None else [decoys_text(result.decoys.accepted, result.decoys.tried)]
+    room = TRACE_LINES - 1 - len(decoys)
+    room_refused = min(len(refused), max(room // 2, room - len(accepted)))
+    shown = room - room_refused
+    if len(accepted) > shown:
+        accepted = [*accepted[: shown - 1], f"{len(accepted) - shown + 1} more accepted moves"]
+    lines = [*accepted, *refused[:room_refused], *decoys]
+    title = "why these effects: moves of the search, with the decrease of its objective"
+    return [title, *(f"     {in_ascii(line)}" for line in lines)] if lines else []
+
+
 # -- steps ---------------------------------------------------------------------------------------------------
 
 
 def steps_parts(
     result: ResultFields, joints: Sequence[str], spread: Sequence[float], width: int
 ) -> list[Table | str]:
-    """Errors per joint after each added family of effects: in per cent of the torque if known, else in Nm.
+    """Errors per joint after each added kind of effect: in per cent of the torque if known, else in Nm.
 
     Where the table would be too wide, the models are numbered and their names precede it.
     """
@@ -205,6 +237,6 @@ def steps_parts(
 def named_steps(steps: Sequence[StepEntry], joints: Sequence[str]) -> Iterator[tuple[str, StepEntry]]:
     """The first model, and the last one of every run of effects of one kind, with their names."""
     yield "present model", steps[0]
-    added = [[step.added.text] for step in steps[1:] if step.added is not None]
-    for name, _, last in text_runs(added, joints):
+    added = [step.added for step in steps[1:] if step.added is not None]
+    for name, _, last in text_runs([[one.text] for one in added], joints, tied_families(added)):
         yield f"+ {name}", steps[last + 1]

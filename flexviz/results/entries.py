@@ -23,6 +23,7 @@ from flexviz.results.base import (
     check_lengths,
 )
 from flexviz.results.curves import CurveTableEntry, FreeCurveEntry, GuardEntry, MapEntry
+from flexviz.results.trace import DecoysEntry, MoveEntry
 
 
 class ParameterEntry(ResultEntry):
@@ -151,8 +152,20 @@ class AbsorbedEntry(ResultEntry):
     deviations: Nullable
 
 
+class FamilyEntry(ResultEntry):
+    """Effects that these data cannot separate (if `tied`), the simplest first."""
+
+    name: str
+    tied: bool
+    members: list[str]
+    confidence: Number
+
+
 class PlaceEntry(ResultEntry):
-    """An effect and where it acts."""
+    """An effect and where it acts.
+
+    `family` is absent for an effect of none, `share` (of the held-out error that it removes) where unknown.
+    """
 
     effect: str
     joint: str | None
@@ -160,6 +173,15 @@ class PlaceEntry(ResultEntry):
     payload: str | None = None
     inseparable_from: list[TieEntry] = Field(default_factory=list)
     absorbed: list[AbsorbedEntry] = Field(default_factory=list)
+    family: FamilyEntry | None = None
+    share: Number | None = None
+
+    @model_validator(mode="after")
+    def _known_only(self) -> Self:
+        for name in ("family", "share"):
+            if getattr(self, name) is None:
+                self.model_fields_set.discard(name)
+        return self
 
     @property
     def text(self) -> str:
@@ -260,6 +282,8 @@ class ResultFields(ResultEntry):
     curves: list[CurveTableEntry] = Field(default_factory=list)
     guard: GuardEntry | None = None
     torque: TorqueEntry | None = None
+    trace: list[MoveEntry] = Field(default_factory=list)
+    decoys: DecoysEntry | None = None
     seconds: Number | None = None
 
     @model_validator(mode="after")
@@ -298,6 +322,11 @@ class ResultFields(ResultEntry):
     def final_verdict(self) -> Verdict | None:
         """Verdict on the final model; `verdict` of a diagnosis refers to its first one."""
         return self.steps[-1].verdict if self.steps else self.verdict
+
+    @property
+    def torque_spread(self) -> list[float]:
+        """Standard deviation of the recorded torque per joint [Nm]; empty if unknown."""
+        return [] if self.torque is None else self.torque.spread
 
     @property
     def findings(self) -> list[CandidateEntry]:

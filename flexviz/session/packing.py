@@ -30,8 +30,10 @@ from flexviz.diagnosis import (
     BandwidthCheck,
     Diagnosis,
     Evidence,
+    Family,
     Finding,
     FreeCurve,
+    Move,
     ParameterCurve,
     ResidualLocation,
     ResidualMap,
@@ -59,10 +61,10 @@ from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
-        Absorbed, Analysis, Combination, Diagnosis, EffectValue, EsoGains, Evidence, Finding, FlexibleModel,
-        FreeCurve, BandwidthCheck, Identification, Iteration, Note, ParameterCurve, ParameterEstimate,
-        ResidualLocation, ResidualMap, ResidualSeries, ResidualSummary, ModelStep, SessionNote, SessionStep,
-        Tie,
+        Absorbed, Analysis, Combination, Diagnosis, EffectValue, EsoGains, Evidence, Family, Finding,
+        FlexibleModel, FreeCurve, BandwidthCheck, Identification, Iteration, Move, Note, ParameterCurve,
+        ParameterEstimate, ResidualLocation, ResidualMap, ResidualSeries, ResidualSummary, ModelStep,
+        SessionNote, SessionStep, Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
 NAMES = {kind: name for name, kind in KINDS.items()}

@@ -1,4 +1,4 @@
-"""A diagnosis that added effects as the states of an analysis, one per family of effects."""
+"""A diagnosis that added effects as the states of an analysis, one per kind of effect."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Any
 
 from flexviz.diagnosis import Diagnosis
 from flexviz.session.state import Analysis, ModelStep, Session
-from flexviz.wording import text_runs
+from flexviz.wording import finding_key, found_shares, text_runs, tied_families
 
 OF_THE_FINAL_MODEL: dict[str, Any] = {
     "maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": (),
+    "trace": (), "decoys": None,
 }  # fmt: skip
 
 
@@ -31,17 +32,17 @@ class DiagnosedModel:
 
 
 def diagnosed_models(diagnosis: Diagnosis, joints: Sequence[str]) -> list[DiagnosedModel]:
-    """The set's own model, then one per family of added effects; the last has the whole diagnosis."""
+    """The set's own model, then one per kind of added effects; the last has the whole diagnosis."""
     steps = diagnosis.steps
     added = [[] if step.added is None else [step.added.text] for step in steps]
-    runs = text_runs(added, joints)
+    families = tied_families(step.added for step in steps if step.added is not None)
+    runs, shares = text_runs(added, joints, families), found_shares(diagnosis)
     ends = [last for _, _, last in runs]
     out = []
     for k, (name, texts, last) in enumerate(runs):
         following = steps[last + 1 : ends[k + 1] + 1] if k + 1 < len(runs) else ()
-        findings = tuple(step.added for step in following if step.added is not None)
-        if k == 0:
-            findings = diagnosis.findings
+        found = [step.added for step in following if step.added is not None] if k else diagnosis.findings
+        findings = tuple(replace(one, share=shares.get(finding_key(one))) for one in found)
         answer = replace(diagnosis, **OF_THE_FINAL_MODEL) if following else diagnosis
         answer = replace(answer, verdict=steps[last].verdict, findings=findings, steps=(steps[last],))
         out.append(DiagnosedModel(f"added {name}" if texts else "", tuple(texts), answer))

@@ -21,6 +21,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.identification import Identification
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import EsoGains, make_observer
+from flexviz.wording import tied_families
 
 Role = Literal["fit", "validate", "ignore"]
 ROLES: tuple[Role, ...] = get_args(Role)
@@ -29,10 +30,17 @@ HISTORY = 100  # states that can be undone
 
 @dataclass(frozen=True, eq=False)
 class ModelStep:
-    """Errors of an earlier model: the effects added to those of the set, and the step of its diagnosis."""
+    """Errors of an earlier model.
+
+    Attributes:
+        effects: added to those of the set.
+        step: of its diagnosis.
+        families: (effect, family) of those effects that stand for a family: which kind, the data do not tell.
+    """
 
     effects: tuple[str, ...]
     step: DiagnosisStep
+    families: tuple[tuple[str, str], ...] = ()
 
 
 class Settings(NamedTuple):
@@ -173,7 +181,10 @@ class Analysis:
         earlier = self.model_steps if same_roles else ()
         model_steps = [step for step in earlier if set(step.effects) < set(self.effects)]
         if diagnosis.steps:
-            model_steps.append(ModelStep(self.effects, diagnosis.steps[0]))
+            families = tied_families(self.diagnosis.findings if self.diagnosis is not None else ())
+            families |= dict(pair for step in model_steps for pair in step.families)
+            own = tuple((name, families[name]) for name in self.effects if name in families)
+            model_steps.append(ModelStep(self.effects, diagnosis.steps[0], own))
         return replace(
             self, diagnosis=diagnosis, diagnosed=self.diagnosis_settings, model_steps=tuple(model_steps)
         )

@@ -69,6 +69,7 @@ from flexviz.view.time_charts import (
     states_charts,
     stretch,
 )
+from flexviz.view.trace import trace_html
 from flexviz.view.tuning import Cost, poles_html, residuals_html, trade_chart
 
 __all__ = [
@@ -140,6 +141,7 @@ __all__ = [
     "sweep_charts",
     "sweep_html",
     "time_residual",
+    "trace_html",
     "trade_chart",
     "truth_html",
     "truth_values",

@@ -14,20 +14,22 @@ from flexviz.resources import data_dir
 from flexviz.wording import (
     LIKELY,
     SAID_AS_SHARES,
-    Family,
+    MergedFinding,
     absorbed_list,
     bounds_text,
     by_share,
+    confidence_of,
     confidence_range,
     effect_text_name,
     effect_title,
     enters_text,
     escape,
-    joint_score,
+    kinds_text,
     left_text,
+    lower,
     moved,
     parameter_text,
-    share_text,
+    removes_text,
     tie_text,
     values_text,
     verdict_text,
@@ -138,12 +140,6 @@ def card_html(name: str) -> str:
     )
 
 
-def lower(title: str) -> str:
-    """A title inside a sentence; proper names keep their capital."""
-    names = ("Coulomb", "Stribeck")
-    return title if title.startswith(names) else title[:1].lower() + title[1:]
-
-
 def verdict_html(
     diagnosis: Diagnosis | None,
     up_to_date: bool = True,
@@ -200,27 +196,27 @@ def heading_html(diagnosis: Diagnosis | None) -> str:
     return '<div class="fv fv-dim">Tried, but not credible explanations of the residual:</div>'
 
 
-def finding_html(family: Family[Finding], rank: int, full: bool, joints: Sequence[str] = ()) -> str:
+def finding_html(merged: MergedFinding[Finding], rank: int, full: bool, joints: Sequence[str] = ()) -> str:
     """A finding: name, values, share, confidence; with `full` also all ties and absorbing parameters.
 
     Of effects of one kind on several `joints` the values are folded.
     """
-    members = family.members
-    likely = min(member.confidence for member in members)
-    explain = "explains" if len(members) == 1 else "together they explain"
-    lines = [f"<div><b>{rank}. {escape(family.name(joints))}</b></div>"]
+    members = merged.members
+    likely = min(map(confidence_of, members))
+    lines = [f"<div><b>{rank}. {escape(merged.statement(joints))}</b></div>"]
     lines.append(
         f'<div class="fv-bar"><span style="width:{100 * min(max(likely, 0.0), 1.0):.0f}%"></span>'
-        f"</div><div>confidence {confidence_range(members)}, {explain} "
-        f"{share_text(joint_score(members))}</div>"
+        f"</div><div>confidence {confidence_range(members)}, {removes_text(merged)}</div>"
     )
+    if merged.tied:
+        lines.append(f'<div class="fv-dim">{escape(kinds_text(members[0]))}</div>')
     if len(members) == 1:
         values = values_text(members[0])
         lines += [f"<div>{escape(values)}</div>"] if values else []
         ties = members[0].inseparable_from if full else members[0].inseparable_from[:1]
         lines += [f'<div class="fv-warn">{escape(tie_text(tie))}</div>' for tie in ties]
     else:
-        lines.append(f"<details><summary>Values per joint</summary>{_member_rows(family, joints)}</details>")
+        lines.append(f"<details><summary>Values per joint</summary>{_member_rows(merged, joints)}</details>")
     absorbed = moved(members)
     if full and absorbed:
         named = escape(absorbed_list(absorbed))
@@ -229,9 +225,9 @@ def finding_html(family: Family[Finding], rank: int, full: bool, joints: Sequenc
     return f'<div class="fv fv-finding{mark}">{"".join(lines)}</div>'
 
 
-def _member_rows(family: Family[Finding], joints: Sequence[str]) -> str:
+def _member_rows(merged: MergedFinding[Finding], joints: Sequence[str]) -> str:
     rows = []
-    for one in family.by_joint(joints):
+    for one in merged.by_joint(joints):
         ties = ", ".join(lower(effect_title(tie.effect)) for tie in one.inseparable_from)
         hard = f" (hard to tell from {ties})" if ties else ""
         rows.append(f"<div>{escape(one.joint)}: {escape(values_text(one) + hard)}</div>")

@@ -100,7 +100,7 @@ def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[
     for one in model_steps:
         added.append([text for text in one.effects if text not in before])
         before |= set(one.effects)
-    return text_runs(added, joints)
+    return text_runs(added, joints, dict(pair for one in model_steps for pair in one.families))
 
 
 def model_name(
@@ -197,7 +197,7 @@ def staircase_html(
     parameters: Sequence[ParameterEstimate] = (),
     shown: int = -1,
 ) -> str:
-    """The errors of the steps as bars and numbers; a family of effects unfolds to its values per joint.
+    """The errors of the steps as bars and numbers; effects of one kind unfold to their values per joint.
 
     `shown` is the model that the rest of the page shows.
     """

@@ -8,7 +8,8 @@ from typing import Protocol
 
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.statistics import NORMAL_95
-from flexviz.wording.numbers import interval, number, plain_name, plural, unit_text
+from flexviz.wording.effect_families import FamilyLike, capitalised, family_title, tied_family
+from flexviz.wording.numbers import interval, listed, number, plain_name, plural, unit_text
 
 ALONG = {
     "position": "the position",
@@ -35,11 +36,24 @@ class Placed(Protocol):
     def group(self) -> str | None: ...
 
 
-class FindingLike(Placed, Protocol):
-    """A candidate of a diagnosis or of a results document."""
+class NamedLike(Placed, Protocol):
+    """An effect that was found, or the place where it stands in a document."""
 
     @property
     def effect(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def confidence(self) -> float | None: ...
+    @property
+    def family(self) -> FamilyLike | None: ...
+    @property
+    def share(self) -> float | None: ...
+
+
+class FindingLike(NamedLike, Protocol):
+    """A candidate of a diagnosis or of a results document."""
+
     @property
     def score(self) -> float: ...
     @property
@@ -106,16 +120,51 @@ def where_text(joint: str | None, payload: str | None = None, group: str | None 
     return text + (f" in group {group}" if group else "")
 
 
-def finding_name(finding: FindingLike) -> str:
-    """ "Coulomb friction on joint2"."""
+def finding_title(finding: NamedLike) -> str:
+    """ "Coulomb friction"; "Dry friction" where the data do not tell which kind."""
+    family = tied_family(finding)
+    return effect_title(finding.effect) if family is None else capitalised(family_title(family.name))
+
+
+def finding_name(finding: NamedLike) -> str:
+    """ "Coulomb friction on joint2"; "Dry friction on joint2" where the data do not tell which kind."""
+    return finding_title(finding) + where_text(finding.joint, finding.payload, finding.group)
+
+
+def member_name(finding: NamedLike) -> str:
+    """ "Coulomb friction on joint2", also where it stands for a family."""
     return effect_title(finding.effect) + where_text(finding.joint, finding.payload, finding.group)
 
 
-def effect_text_name(text: str) -> str:
-    """ "coulomb_friction:joint2" as "Coulomb friction on joint2"."""
+def kinds_text(finding: NamedLike) -> str:
+    """Of a tied family: the kinds that are alike in the data, and which of them the model contains."""
+    family = tied_family(finding)
+    if family is None:
+        return ""
+    kinds = [effect_title(name) for name in family.members]
+    titles = [title if k == 0 else lower(title) for k, title in enumerate(kinds)]
+    alike = f"Alike in these data: {listed(titles)}. " if len(titles) > 1 else ""
+    return f"{alike}The model has {lower(effect_title(finding.effect))}, the simplest."
+
+
+def lower(title: str) -> str:
+    """A title inside a sentence; proper names keep their capital."""
+    names = ("Coulomb", "Stribeck")
+    return title if title.startswith(names) else title[:1].lower() + title[1:]
+
+
+def confidence_of(finding: NamedLike) -> float:
+    """Confidence of what a finding says: of its family where the data do not tell which kind."""
+    family = tied_family(finding)
+    return (finding.confidence or 0.0) if family is None else family.confidence
+
+
+def effect_text_name(text: str, family: str = "") -> str:
+    """ "coulomb_friction:joint2" as "Coulomb friction on joint2"; of a `family`, "Dry friction on joint2"."""
     name, _, where = text.partition(":")
     place, _, group = where.partition("@")
-    return effect_title(name) + where_text(place or None, None, group or None)
+    title = capitalised(family_title(family)) if family else effect_title(name)
+    return title + where_text(place or None, None, group or None)
 
 
 def share_text(share: float) -> str:

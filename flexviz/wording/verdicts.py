@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from flexviz.wording.families import confidence_range, families, joint_score
-from flexviz.wording.findings import ALONG, FindingLike, share_text
-from flexviz.wording.numbers import listed, number, unit_text
+from flexviz.effects import free_curve
+from flexviz.wording.effect_families import UNTOLD
+from flexviz.wording.findings import ALONG, FindingLike, NamedLike, share_text
+from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
+from flexviz.wording.numbers import number, unit_text
+from flexviz.wording.shares import ErrorsLike, found_shares
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 WITH_ADDED = {
@@ -15,6 +18,7 @@ WITH_ADDED = {
     "nothing-missing": "nothing is missing",
     "unknown": "not all of the error is explained",
 }
+MOST_NAMED = 4  # added effects in a verdict, those of one kind together
 MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
 
 
@@ -48,6 +52,13 @@ class NoteLike(Protocol):
     def text(self) -> str: ...
 
 
+class StepLike(ErrorsLike, Protocol):
+    """A model on the way and the effect that it adds."""
+
+    @property
+    def added(self) -> NamedLike | None: ...
+
+
 class VerdictLike(Protocol):
     """A diagnosis or a results document."""
 
@@ -55,6 +66,10 @@ class VerdictLike(Protocol):
     def verdict(self) -> str | None: ...
     @property
     def findings(self) -> Sequence[FindingLike]: ...
+    @property
+    def steps(self) -> Sequence[StepLike]: ...
+    @property
+    def torque_spread(self) -> Sequence[float]: ...
     @property
     def where(self) -> Sequence[LocationLike]: ...
     @property
@@ -68,7 +83,7 @@ def verdict_text(
 
     Args:
         diagnosis: the diagnosis.
-        added: names of effects that it found and added; if there are any, they come first.
+        added: names of effects that it found and added, the largest first; if there are any, they come first.
         joints: all joints of the robot.
         worst: joint with the largest share of its torque unexplained, named beside the one with the largest
             structured residual, which the free curve is for.
@@ -77,18 +92,12 @@ def verdict_text(
         beginning, _, rest = verdict_text(diagnosis, joints=joints, worst=worst).partition(":")
         now = WITH_ADDED.get(diagnosis.verdict or "", beginning.lower())
         them = "it" if len(added) == 1 else "them"
-        return f"{BEGINNINGS['missing']} {listed(added)} (added here). With {them} {now}:{rest}"
+        more = f"; {len(added) - MOST_NAMED} more" if len(added) > MOST_NAMED else ""
+        named = "; ".join(added[:MOST_NAMED])
+        return f"{BEGINNINGS['missing']} {named}{more} (added here). With {them} {now}:{rest}"
     beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
-    if diagnosis.verdict == "missing" and diagnosis.findings:
-        best = families(diagnosis.findings)[0]
-        explain = "It explains" if len(best.members) == 1 else "Together they explain"
-        share = share_text(joint_score(best.members))
-        return (
-            f"{beginning} {best.name(joints)}. {explain} {share} of the error above the noise; "
-            f"confidence {confidence_range(best.members)}."
-        )
     if diagnosis.verdict == "missing":
-        return f"{beginning} an effect that could not be named."
+        return f"{beginning} {_largest(diagnosis, joints)}."
     if diagnosis.verdict == "nothing-missing":
         pulses = any(note.kind == "pulses" for note in diagnosis.typed_notes)
         left = "noise, but for reversals and backlash crossings," if pulses else "noise,"
@@ -106,6 +115,24 @@ def verdict_text(
     other = "" if place.joint == clearest.joint else f" {place.joint}; it is clearest on"
     share, along = share_text(clearest.explained or 0.0), ALONG.get(clearest.variable, clearest.variable)
     return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}{acting}."
+
+
+def _largest(diagnosis: VerdictLike, joints: Sequence[str]) -> str:
+    """What removes most of the error, on all its joints, with share and confidence."""
+    shares, findings = found_shares(diagnosis), diagnosis.findings
+    later = [step.added for step in diagnosis.steps[1:] if step.added is not None]
+    added = [one for one in later if free_curve(one.effect) is None]
+    if not added and not findings:
+        return "an effect that could not be named"
+    merged: Sequence[MergedFinding[NamedLike]] = merged_findings(added or findings, shares)
+    best = merged[0]
+    sure = f"confidence {confidence_range(best.members)}" + (f"; {UNTOLD}" if best.tied else "")
+    if best.share is not None:
+        return f"{best.name(joints)}: {share_text(best.share)} of the error, {sure}"
+    scored = merged_findings(findings)[0]
+    explain = "It explains" if len(best.members) == 1 else "Together they explain"
+    above = share_text(joint_score(scored.members))
+    return f"{scored.name(joints)}. {explain} {above} of the error above the noise; {sure}"
 
 
 def location(where: Sequence[L], worst: str = "") -> L | None:

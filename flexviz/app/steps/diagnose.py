@@ -16,8 +16,8 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
-from flexviz.view import free_chart, free_html, heading_html, so_far_html, verdict_html
-from flexviz.wording import Family, families, number, text_names
+from flexviz.view import free_chart, free_html, heading_html, so_far_html, trace_html, verdict_html
+from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -44,9 +44,10 @@ class DiagnoseStep(WorkflowStep):
         self._all = page.button("Add all found", self._add_all, visible=False)
         self._draft_of: tuple[Diagnosis | None, CurveDraft | None] = (None, None)
         self._heading = gui.add_html("")
-        self._families: list[Family[Finding]] = []
+        self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
+        self._tried = gui.add_html("")
         self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
         self.next_buttons = {"find": self._find, "add": self.findings[0].add}
@@ -82,8 +83,10 @@ class DiagnoseStep(WorkflowStep):
         off(self._draft, "", "a Python file with the law that the free curve resembles, for --effects-from")
         self._heading.content = heading_html(current)
         self._show_findings()
+        self._tried.content = trace_html(current, joints)
         self.deciding.refresh()
-        self.model.show(store.measurements.effects, analysis.effects, joints, why)
+        families = dict(pair for one in analysis.model_steps for pair in one.families)
+        self.model.show(store.measurements.effects, analysis.effects, joints, why, families)
         self._all.visible = current is not None and current.verdict == "missing" and bool(current.findings)
         off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
         self._why.content = dim(f"Off: {why}." if why else "")
@@ -92,10 +95,11 @@ class DiagnoseStep(WorkflowStep):
     def _show_findings(self) -> None:
         """Show the findings; of new ones the first is open."""
         store, diagnosis = self.store, self.store.analysis.current_diagnosis
-        before, self._families = self._families, families(diagnosis.findings if diagnosis else ())
-        shown = (*self._families, *[None] * MAX_FINDINGS)
+        before = self._merged
+        self._merged = merged_findings(diagnosis.findings, found_shares(diagnosis)) if diagnosis else []
+        shown = (*self._merged, *[None] * MAX_FINDINGS)
         for index, entry in enumerate(self.findings):
-            if self._families != before:
+            if self._merged != before:
                 entry.opened = index == 0
             entry.show(shown[index], store)
 
@@ -104,11 +108,11 @@ class DiagnoseStep(WorkflowStep):
 
     def _add(self, index: int) -> None:
         """Add finding `index` on all its joints, refit, diagnose again."""
-        if index >= len(self._families):
+        if index >= len(self._merged):
             raise InputError("there are no findings for the current model: press Find the missing effect")
-        family = self._families[index]
-        texts = [finding.text for finding in family.members]
-        name = family.name(self.store.measurements.joints)
+        merged = self._merged[index]
+        texts = [finding.text for finding in merged.members]
+        name = merged.name(self.store.measurements.joints)
         self._start(f"added {name}", self.store.analysis.with_effects(texts))
 
     def _add_all(self) -> None:
@@ -196,6 +200,8 @@ class DiagnoseStep(WorkflowStep):
     def _select_joint(self) -> None:
         """Select the joint of the best finding."""
         diagnosis = self.store.analysis.diagnosis
-        findings = diagnosis.findings if diagnosis and diagnosis.verdict == "missing" else ()
-        if findings and findings[0].joint:
-            self.store.select(joint=self.store.measurements.joint_index(findings[0].joint))
+        if diagnosis is None or diagnosis.verdict != "missing" or not diagnosis.findings:
+            return
+        joint = merged_findings(diagnosis.findings, found_shares(diagnosis))[0].members[0].joint
+        if joint:
+            self.store.select(joint=self.store.measurements.joint_index(joint))

@@ -10,7 +10,7 @@ from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import Finding
 from flexviz.view import card_html, evidence_chart, finding_html
-from flexviz.wording import Family, escape, text_families, text_names
+from flexviz.wording import Families, MergedFinding, escape, merged_texts, text_names
 
 MAX_ROWS = 12  # in the list of the model's effects
 APART, TOGETHER = "Take apart", "Put together"
@@ -36,20 +36,20 @@ class FindingEntry:
         self._card = gui.add_html("", visible=False)
         page.row((self._toggle, self.add))
 
-    def show(self, family: Family[Finding] | None, store: Store) -> None:
+    def show(self, merged: MergedFinding[Finding] | None, store: Store) -> None:
         """Show a finding with its evidence in the selected group; None hides the entry."""
         for handle in (self._text, self._toggle, self.add, self._card):
-            handle.visible = family is not None
+            handle.visible = merged is not None
         self._finding = None
-        if family is None:
+        if merged is None:
             self._folder.visible = False
             return
-        joints, members = store.measurements.joints, family.members
+        joints, members = store.measurements.joints, merged.members
         here = (member for member in members if member.joint == store.joint_name)
         self._finding, self._group = next(here, members[0]), store.group.name
-        self._text.content = finding_html(family, self._index + 1, self._index == 0, joints)
-        self._card.content = card_html(family.effect)
-        what = "this effect" if len(members) == 1 else f"it on {family.place(joints)}"
+        self._text.content = finding_html(merged, self._index + 1, self._index == 0, joints)
+        self._card.content = card_html(merged.effect)
+        what = "this effect" if len(members) == 1 else f"it on {merged.place(joints)}"
         off(self.add, store.why_not, f"adds {what}, identifies once and diagnoses again")
         self._show_evidence(self._finding)
 
@@ -70,13 +70,14 @@ class FindingEntry:
 
 
 class ModelList:
-    """The model's effects, one row per family, or joint by joint."""
+    """The model's effects, one row per kind, or joint by joint."""
 
     def __init__(self, page: Page, remove: Callable[[Sequence[str]], None]) -> None:
         self._effects: tuple[str, ...] = ()
         self._joints: tuple[str, ...] = ()
         self._shown: list[tuple[str, ...]] = []  # effects of each row
-        self._apart = False  # whether families are listed joint by joint
+        self._families: Families = {}
+        self._apart = False  # whether they are listed joint by joint
         self._why = ""
         self._remove = remove
         self._heading = page.gui.add_html("")
@@ -88,9 +89,23 @@ class ModelList:
             self._rows.append((text, button))
         self._toggle = page.button(APART, self._switch, visible=False)
 
-    def show(self, own: Sequence[str], added: Sequence[str], joints: tuple[str, ...], why: str) -> None:
-        """Show the set's own and the added effects; `why`: the reason that none can be removed now."""
-        self._effects, self._joints, self._why = tuple(added), joints, why
+    def show(
+        self,
+        own: Sequence[str],
+        added: Sequence[str],
+        joints: tuple[str, ...],
+        why: str,
+        families: Families,
+    ) -> None:
+        """Show the set's own and the added effects.
+
+        Args:
+            own, added: texts of the effects.
+            joints: all of the robot.
+            why: the reason that none can be removed now.
+            families: of those added effects that stand for one.
+        """
+        self._effects, self._joints, self._why, self._families = tuple(added), joints, why, families
         self._list()
         text = f"the set's own: {', '.join(text_names(own, joints))}" if own else ""
         if not own and not added:
@@ -102,7 +117,7 @@ class ModelList:
         )
 
     def _list(self) -> None:
-        together = text_families(self._effects, self._joints)
+        together = merged_texts(self._effects, self._joints, self._families)
         self._apart &= len(together) < len(self._effects)
         self._toggle.visible = len(together) < len(self._effects)
         self._toggle.label = TOGETHER if self._apart else APART
@@ -112,7 +127,7 @@ class ModelList:
             texts = self._shown[index] if index < len(self._shown) else ()
             text.visible = button.visible = bool(texts)
             if texts:
-                (name,) = text_names(texts, self._joints)
+                (name,) = text_names(texts, self._joints, self._families)
                 text.content = f'<div class="fv fv-added">+ {escape(name)}</div>'
                 what = "it" if len(texts) == 1 else "it from all these joints"
                 off(button, self._why, f"removes {what}, refits and diagnoses again")

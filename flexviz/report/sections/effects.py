@@ -23,17 +23,22 @@ from flexviz.view import evidence_chart, parameter_names
 from flexviz.wording import (
     ALONG,
     INERTIAL,
-    Family,
+    MergedFinding,
     absorbed_list,
+    capitalised,
+    confidence_of,
     confidence_range,
     effect_text_name,
     effect_title,
-    families,
     finding_name,
-    joint_score,
+    found_shares,
+    kinds_text,
+    member_name,
+    merged_findings,
+    merged_texts,
     moved,
+    removes_text,
     share_text,
-    text_families,
     text_names,
     values_text,
     where_text,
@@ -57,16 +62,16 @@ FOLLOW = {
 
 
 def effects(content: ReportContent) -> Section | None:
-    """One part per family of added or proposed effects, and the ranking; None without a diagnosis."""
+    """One part per kind of added or proposed effects, and the ranking; None without a diagnosis."""
     if content.diagnosis is None:
         return None
-    parts = [_added(content, texts) for texts in _families(content)]
-    if content.proposed:
-        parts.append(_part("Proposed", Family(content.proposed), content.joints, absorbed=True))
+    parts = [_added(content, texts) for texts in _merged_texts(content)]
+    if content.proposed is not None:
+        parts.append(_part("Proposed", content.proposed, content.joints, absorbed=True))
     ranking = _ranking(content)
     candidates = explanation(
-        "Candidates tried on each model, best first. A candidate “explains” the share of the "
-        "held-out error above the noise that it removes after refitting."
+        "Candidates tried on each model, best first. A candidate “explains” the share of the held-out error "
+        "above the noise that it removes from that model after refitting; these shares do not add up."
     )
     moves = [a for a in moved(content.found) if a.deviations >= MIN_DEVIATIONS]
     absorbed = f"Before, other parameters had absorbed what was added: {absorbed_list(moves, MAX_ABSORBED)}."
@@ -79,50 +84,51 @@ def effects(content: ReportContent) -> Section | None:
     )
 
 
-def _families(content: ReportContent) -> list[tuple[str, ...]]:
-    return text_families([name for name, _ in content.added], content.joints)
+def _merged_texts(content: ReportContent) -> list[tuple[str, ...]]:
+    """The added effects, those of one kind together; what removes most of the error comes first."""
+    kinds = merged_texts([name for name, _ in content.added], content.joints, content.families)
+    return sorted(kinds, key=lambda texts: -(content.share_of(texts) or 0.0))
 
 
 def _added(content: ReportContent, texts: Sequence[str]) -> Section:
     known = {name: finding for name, finding in content.added}
     found = tuple(finding for text in texts if (finding := known[text]) is not None)
     if len(found) == len(texts):
-        return _part("Added", Family(found), content.joints)
+        return _part("Added", MergedFinding(found, content.share_of(texts)), content.joints)
+    name = text_names(texts, content.joints, content.families)[0]
     if all(map(free_curve, texts)):
         stopgap = "A stopgap, not physics: it lowers the error of the recorded motion only."
-        return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(stopgap))
+        return section(f"Added: {name}", Paragraph(stopgap))
     unknown = "Added by hand, or by a diagnosis that is not in the session any more."
-    return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(unknown))
+    return section(f"Added: {name}", Paragraph(unknown))
 
 
-def _part(title: str, family: Family[Finding], joints: Sequence[str], absorbed: bool = False) -> Section:
-    first, effect = family.members[0], EFFECTS.get(family.effect)
-    many = len(family.members) > 1
+def _part(
+    title: str, merged: MergedFinding[Finding], joints: Sequence[str], absorbed: bool = False
+) -> Section:
+    first, effect = merged.members[0], EFFECTS.get(merged.effect)
+    many = len(merged.members) > 1
     values = f"{values_text(first)}. " if first.parameters and not many else ""
     stopgap = effect is not None and effect.stopgap
-    sure = "a stopgap" if stopgap else f"confidence {confidence_range(family.members)}"
-    together = "Together they explain" if many else "Explains"
-    moves = [a for a in moved(family.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
-    charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in family.members)
+    sure = "a stopgap" if stopgap else f"confidence {confidence_range(merged.members)}"
+    moves = [a for a in moved(merged.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
+    charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in merged.members)
     return section(
-        f"{title}: {family.name(joints)}",
-        Paragraph(
-            f"{values}{together} {share_text(joint_score(family.members))} of the held-out error above the "
-            f"noise; {sure}."
-        ),
-        _members(family, joints) if many else None,
+        f"{title}: {merged.statement(joints)}",
+        Paragraph(f"{values}{capitalised(removes_text(merged))}; {sure}."),
+        Paragraph(kinds_text(first)) if merged.tied else None,
+        _members(merged, joints) if many else None,
         None if effect is None else explanation(_law(effect)),
         Paragraph(f"Other parameters have absorbed it: {absorbed_list(moves)}.") if moves else None,
         *(chart for chart in charts if chart.series),
     )
 
 
-def _members(family: Family[Finding], joints: Sequence[str]) -> ReportTable:
+def _members(merged: MergedFinding[Finding], joints: Sequence[str]) -> ReportTable:
     rows = [
-        [str(one.joint), values_text(one), share_text(one.score), share_text(one.confidence)]
-        for one in family.by_joint(joints)
+        [str(one.joint), values_text(one), share_text(confidence_of(one))] for one in merged.by_joint(joints)
     ]
-    return table(("joint", "value ± 95 %", "explains", "confidence"), rows, (2, 3))
+    return table(("joint", "value ± 95 %", "confidence"), rows, (2,))
 
 
 def _law(effect: Effect) -> str:
@@ -132,9 +138,9 @@ def _law(effect: Effect) -> str:
 def _ranking(content: ReportContent) -> ReportTable | None:
     rows: list[list[str | Cell]] = []
     for index, one in enumerate(content.rounds):
-        found = one.diagnosis.findings if one.diagnosis is not None else ()
+        found = merged_findings(one.diagnosis.findings, found_shares(one.diagnosis)) if one.diagnosis else []
         chosen = content.rounds[index + 1].added if index + 1 < len(content.rounds) else ()
-        leading = [one for family in families(found)[:MAX_CANDIDATES] for one in family.members]
+        leading = [finding for merged in found[:MAX_CANDIDATES] for finding in merged.members]
         for rank, finding in enumerate(leading, 1):
             added = finding.text in chosen
             rows.append(
@@ -144,7 +150,7 @@ def _ranking(content: ReportContent) -> ReportTable | None:
                     Cell(finding_name(finding), strong=added),
                     values_text(finding),
                     share_text(finding.score),
-                    "–" if finding.stopgap else share_text(finding.confidence),
+                    "–" if finding.stopgap else share_text(confidence_of(finding)),
                     "added" if added else "",
                 ]
             )
@@ -156,7 +162,7 @@ def telling_apart(content: ReportContent) -> Section | None:
     """Ties, confirmations and recommended experiments; None without a diagnosis."""
     if content.diagnosis is None:
         return None
-    found = [*content.found, *content.proposed]
+    found = [*content.found, *(content.proposed.members if content.proposed is not None else ())]
     weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
     names = (
         f"Parameters of joints and effects that these data do not determine well: {parameter_names(weak)}."
@@ -173,7 +179,7 @@ def telling_apart(content: ReportContent) -> Section | None:
 def _ties(found: Sequence[Finding]) -> Block:
     rows = [
         [
-            finding_name(f),
+            member_name(f),
             effect_title(tie.effect) + where_text(tie.joint),
             share_text(min(abs(tie.correlation), 1.0)),
             tie.breaks or "no motion is known that distinguishes them",
@@ -190,7 +196,7 @@ def _ties(found: Sequence[Finding]) -> Block:
 def next_experiments(content: ReportContent, found: Sequence[Finding]) -> list[str]:
     """One sentence per experiment, the most urgent first."""
     out = [
-        f"{finding_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
+        f"{member_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
         for f in found
         for tie in f.inseparable_from
         if tie.breaks

@@ -11,13 +11,16 @@ from flexviz.report.content import ReportContent
 from flexviz.wording import (
     INERTIAL,
     SAID_AS_SHARES,
+    UNTOLD,
     by_share,
     left_text,
     listed,
     mean_nrms,
+    merged_texts,
     number,
     percent,
     plural,
+    share_text,
     text_names,
     torque_error_text,
     total_rms,
@@ -57,12 +60,27 @@ def sentence(content: ReportContent) -> str:
     if content.steps:
         worst = joints[by_share(judged(content.steps[-1]), content.spread)[0]]
     added = [name for name, _ in content.added]
-    names = text_names([name for name in added if free_curve(name) is None], joints)
+    names = added_names(content)
     curved = list(dict.fromkeys(name.partition(":")[2] for name in added if free_curve(name) is not None))
     words = [verdict_text(content.diagnosis, names, joints=joints, worst=worst)]
     if curved:
         words.append(f"A free curve on {listed(curved)}, which is not physics, stands for what is unknown.")
     return " ".join((*words, fall(content.steps, content.spread))).strip() if added else words[0]
+
+
+def added_names(content: ReportContent) -> list[str]:
+    """The added effects with their shares of the error, the largest first; those of one kind together."""
+    texts = [name for name, _ in content.added if free_curve(name) is None]
+    kinds = merged_texts(texts, content.joints, content.families)
+    kinds.sort(key=lambda kind: -(content.share_of(kind) or 0.0))
+    out = []
+    for kind in kinds:
+        share = content.share_of(kind)
+        (name,) = text_names(kind, content.joints, content.families)
+        untold = f" ({UNTOLD})" if kind[0] in content.families else ""
+        removed = "" if share is None else f": {share_text(share)} of the error"
+        out.append(name + untold + removed)
+    return out
 
 
 def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:

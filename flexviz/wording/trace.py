@@ -1,0 +1,142 @@
+"""What a search tried, as text: accepted moves, the best refused ones, decoys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from flexviz.wording.findings import effect_text_name, where_text
+from flexviz.wording.merging import Families, text_names
+from flexviz.wording.numbers import listed, plural, with_error
+
+MOVES = {
+    "add": "{added}{not_} added",
+    "drop": "{removed}{not_} dropped",
+    "swap": "{added}{not_} put in place of {removed}",
+    "unknown": "{added}{not_} allowed for",
+}  # kind of move -> in words
+OTHER = "{kind} of {both}{not_} made"
+TRACE_TITLE = "Why these effects: what was tried"
+
+
+class MoveLike(Protocol):
+    """A move of a search, as tried."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def added(self) -> Sequence[str]: ...
+    @property
+    def removed(self) -> Sequence[str]: ...
+    @property
+    def delta(self) -> float | None: ...
+    @property
+    def error(self) -> float | None: ...
+    @property
+    def accepted(self) -> bool: ...
+    @property
+    def resolution(self) -> str: ...
+    @property
+    def why(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class ToldMove:
+    """A move in words, or accepted moves of one kind on several joints.
+
+    Attributes:
+        text: "Coulomb friction on joints 1 and 2 added".
+        delta: decrease of the objective with its standard error [nats]: "400 ± 12".
+        accepted: whether the search made it.
+        resolution: "coarse", "fine", or both.
+        why: why it was refused.
+    """
+
+    text: str
+    delta: str
+    accepted: bool
+    resolution: str
+    why: str = ""
+
+    @property
+    def line(self) -> str:
+        """The move on one line."""
+        return f"{self.text}: {self.delta} nats" + (f" ({self.why})" if self.why else "")
+
+
+def told_moves(
+    trace: Iterable[MoveLike],
+    joints: Sequence[str] = (),
+    families: Families | None = None,
+    *,
+    refused: int = 5,
+) -> list[ToldMove]:
+    """The accepted moves in order, those of one kind together, then the best refused ones.
+
+    A refused move is left out where the same one was accepted at another time; of one that was refused
+    several times the best trial counts.
+
+    Args:
+        trace: all moves, in order.
+        joints: all joints of the robot.
+        families: of those effects that stand for one, by their texts.
+        refused: number of refused moves.
+    """
+    trace = list(trace)
+    groups: dict[object, list[MoveLike]] = {}
+    for move in trace:
+        if move.accepted:
+            names = [tuple(text.partition(":")[0] for text in texts) for texts in (move.added, move.removed)]
+            groups.setdefault((move.kind, *names), []).append(move)
+    made = {_key(move) for move in trace if move.accepted}
+    best: dict[object, MoveLike] = {}
+    for move in sorted(trace, key=_delta, reverse=True):
+        if not move.accepted and _key(move) not in made:
+            best.setdefault(_key(move), move)
+    chosen = [[move] for move in list(best.values())[:refused]]
+    return [_told(moves, joints, families) for moves in (*groups.values(), *chosen)]
+
+
+def _key(move: MoveLike) -> object:
+    return move.kind, tuple(move.added), tuple(move.removed)
+
+
+def _delta(move: MoveLike) -> float:
+    return -math.inf if move.delta is None or math.isnan(move.delta) else move.delta
+
+
+def _told(moves: Sequence[MoveLike], joints: Sequence[str], families: Families | None) -> ToldMove:
+    """Moves of one kind as one: the decreases add up, their errors in squares."""
+    first = moves[0]
+    added, removed = (
+        _names(first.kind, [text for move in moves for text in texts(move)], joints, families)
+        for texts in (lambda move: move.added, lambda move: move.removed)
+    )
+    both = listed([name for name in (added, removed) if name] or ["nothing"])
+    made = "" if first.accepted else " not"
+    words = MOVES.get(first.kind, OTHER)
+    text = words.format(added=added, removed=removed, both=both, kind=first.kind, not_=made)
+    delta = math.fsum(move.delta if move.delta is not None else math.nan for move in moves)
+    error = math.hypot(*(move.error if move.error is not None else math.nan for move in moves))
+    shown, half = with_error(delta, error)
+    resolutions = dict.fromkeys(move.resolution for move in moves)
+    return ToldMove(text, f"{shown} ± {half}", first.accepted, listed(list(resolutions)), first.why)
+
+
+def _names(kind: str, texts: Sequence[str], joints: Sequence[str], families: Families | None) -> str:
+    if not texts:
+        return ""
+    if kind == "unknown":
+        places = [where_text(text.partition(":")[2] or None) or f" ({text})" for text in texts]
+        return listed([f"an unknown torque{place}" for place in places])
+    unique = list(dict.fromkeys(texts))
+    known = text_names(unique, joints, families) if joints else [effect_text_name(text) for text in unique]
+    return listed(known)
+
+
+def decoys_text(accepted: int, tried: int) -> str:
+    """ "of 40 decoys none was accepted": how often the search took what cannot be right."""
+    found = "none was" if accepted == 0 else "1 was" if accepted == 1 else f"{accepted} were"
+    return f"of {plural(tried, 'decoy')} {found} accepted"
