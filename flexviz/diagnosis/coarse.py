@@ -79,13 +79,15 @@ class Coarse(Resolution[MotionFit]):
 
     def likelihood(self, fit: MotionFit) -> Likelihood:
         """Likelihood of a fit; free curves cost what their prior and the data say, not a count."""
-        other, freedom = self.context.start(fit.layout).prior.value(fit.x), 0
+        prior, freedom = self.context.start(fit.layout).prior, 0
+        other = prior.value(fit.x)
         for effect, where in fit.layout.effect_slices():
             if is_curve(effect):
                 other += curve_cost(fit, where)
             else:
                 freedom += where.stop - where.start
-        return likelihood(self.residuals(fit), self.floor, other, freedom, LIMITS.outlier)
+        found = likelihood(self.residuals(fit), self.floor, other, freedom, LIMITS.outlier)
+        return self.judged(found, prior, fit.x)
 
     def linearised(self, model: CoarseModel) -> Linearised:
         fit = model.fit

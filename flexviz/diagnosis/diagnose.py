@@ -21,16 +21,17 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.model_family import without_curves
 from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.notes import notes, standstill_text
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.result import Diagnosis, Finding
-from flexviz.diagnosis.search import Move, Search
+from flexviz.diagnosis.result import Diagnosis, Finding, Move
+from flexviz.diagnosis.search import Search, Tried
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.still_groups import without_still_groups
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -126,7 +127,7 @@ class _Diagnosis:
         self.standing = Standing(self.own, self.band, self.tell_best if progress else None)
         self.view = Coarse(MotionContext(measurements, self.own.joints, stand_ins=True), self.own, self.say)
         self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
-        self.trace: list[Move] = []
+        self.trace: list[Tried] = []
         self.best: CoarseModel | None = None
 
     def say(self, text: str) -> None:
@@ -167,8 +168,7 @@ class _Diagnosis:
         if end.curves:
             return end
         self.tell(stages.FINE)
-        search = Search(self.fine)
-        search.trace = self.trace
+        search = Search(self.fine, trace=self.trace)
         found = search.run(end.fine)
         model = end.coarse
         if found.layout != end.coarse.layout:
@@ -187,9 +187,29 @@ class _Diagnosis:
         rich = view.pruned(view.rich())
         if view.context.set_standstill_apart(rich.fit):
             rich = view.rich()
-        search = Search(view, self.made)
-        search.trace = self.trace
-        return view.with_rest_angles(search.run(rich))
+        search = Search(view, self.made, self.trace)
+        return view.with_rest_angles(self.with_first_movements(search, search.run(rich)))
+
+    def with_first_movements(self, search: Search[CoarseModel], model: CoarseModel) -> CoarseModel:
+        """The model with effects that describe the first movement after a standstill that was left out.
+
+        Where they describe it, it counts from then on.
+        """
+        context, before = self.view.context, self.view.context.first_phase
+        if not np.any(before == Phase.MOTION):
+            return model
+        context.first_phase = np.minimum(before, np.int8(Phase.START))
+        there = self.view.fit(model.layout, model.fit.x)
+        found = search.run(there, inner=True)
+        new = self.view.parts(found) - self.view.parts(there)
+        starts = [e.place.own_joint for e in new if EFFECTS[e.effect].after_rest]
+        kept = np.isin(np.arange(self.own.n), starts)
+        context.first_phase = np.where(kept, context.first_phase, before)
+        return (
+            self.view.fit(found.layout, found.fit.x)
+            if kept.any()
+            else self.view.fit(model.layout, model.fit.x)
+        )
 
     def made(self, model: CoarseModel) -> None:
         """A model is accepted."""
@@ -300,7 +320,18 @@ class _Diagnosis:
             free_curve=curve,
             guard=bandwidths,
             torque_spread=self.measurements.torque_spread,
+            trace=tuple(map(self.told, self.trace)),
         )
+
+    def told(self, tried: Tried) -> Move:
+        """A move of the search for the result."""
+        added, removed = (
+            tuple(sorted(_effect(key).text(self.own.joints) for key in keys))
+            for keys in (tried.added, tried.removed)
+        )
+        gain = tried.gain
+        why = "" if tried.accepted else gain.why or "it is not needed"
+        return Move(tried.kind, added, removed, gain.delta, gain.error, tried.accepted, tried.resolution, why)
 
     def place(self, end: _End, fit: Fit) -> UnknownPlace | None:
         """The place of what the final model lacks."""

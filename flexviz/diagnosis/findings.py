@@ -14,11 +14,11 @@ from flexviz.diagnosis.criterion import Gain, confidence
 from flexviz.diagnosis.elimination import by_weight, eliminate
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Finding, Step
+from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Family, Finding, Step, Tie
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.ties import ties
 from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.parallel import shared
@@ -91,6 +91,9 @@ def findings(
         assert effect is not None
         need = gains[effect] if effect in gains else Gain(0.0, 1.0, np.zeros(view.own.n), np.ones(view.own.n))
         unsure = bool(doubtful.any() if effect.joint is None else doubtful[effect.joint])
+        tied = tuple(ties(view, model, effect, rivals.get(effect, ())))
+        sure = 0.0 if is_curve(effect) else confidence(need, unsure)
+        family = family_in(effect.effect, tied, sure)
         found.append(
             Finding(
                 effect.effect,
@@ -98,16 +101,27 @@ def findings(
                 effect.group,
                 effect.payload,
                 score=removed_share(before.errors, after.errors),
-                confidence=0.0 if is_curve(effect) else confidence(need, unsure),
+                confidence=sure / len(family.members) if family is not None and family.tied else sure,
                 parameters=own_parameters(effect, last, last.covariance.standard_errors),
-                inseparable_from=tuple(ties(view, model, effect, rivals.get(effect, ()))),
+                inseparable_from=tied,
                 gain=float(need.delta),
                 absorbed=absorbed(before, after),
                 evidence=explained_residual(before.layout, effect.joint, band, before.errors, after.errors),
                 features=(float(need.delta), float(need.error), float(unsure)),
+                family=family,
             )
         )
     return found
+
+
+def family_in(effect: str, tied: Sequence[Tie], sure: float) -> Family | None:
+    """The family of an effect, if it has one: its members that tie in these data, or all of them."""
+    name = family_of(effect)
+    if name is None:
+        return None
+    rivals = {tie.effect for tie in tied}
+    same = tuple(member for member in EFFECT_FAMILIES[name] if member in rivals or member == effect)
+    return Family(name, len(same) > 1, same if len(same) > 1 else EFFECT_FAMILIES[name], sure)
 
 
 def curve_finding(before: Stair, after: Stair, band: PredictionErrorBand) -> Finding:

@@ -50,9 +50,9 @@ class Fine(Resolution[Fit]):
     def model(self, fit: Fit) -> FineModel:
         """A fit with its likelihood."""
         pulses = sum(sum(w.log_determinant for w in p.weightings) + p.transients for p in _points(fit))
-        other = self.context.start(fit.layout).prior.value(fit.x) + 0.5 * pulses
-        freedom = fit.layout.size - fit.layout.effect_start
-        return Model(fit, likelihood(self.residuals(fit), self.floor, other, freedom))
+        prior, freedom = self.context.start(fit.layout).prior, fit.layout.size - fit.layout.effect_start
+        found = likelihood(self.residuals(fit), self.floor, prior.value(fit.x) + 0.5 * pulses, freedom)
+        return Model(fit, self.judged(found, prior, fit.x))
 
     def towards(self, model: FineModel, x: Array, smaller: Layout) -> Array:
         start = smaller.vector(model.layout.model(x))

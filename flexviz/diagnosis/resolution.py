@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Layout, OperatingPoint
-from flexviz.estimation import Projection, ScoredCandidate, Weigh
+from flexviz.estimation import Prior, Projection, ScoredCandidate, Weigh
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
@@ -102,6 +102,14 @@ class Resolution(ABC, Generic[AnyFit]):
     @abstractmethod
     def towards(self, model: Model[AnyFit], x: Array, smaller: Layout) -> Array:
         """Feasible start of a smaller model on the way to x, shape (P,)."""
+
+    def judged(self, like: Likelihood, prior: Prior, x: Array) -> Likelihood:
+        """A likelihood in which scaled torques count like the samples that they scale: as independent ones."""
+        other = like.other
+        for k, count in prior.scales:
+            where = next(e for e, at in prior.layout.effect_slices() if at.start <= k < at.stop)
+            other += (1 - 1 / like.times[where.place.own_joint]) * count * float(np.log(max(1 + x[k], 1e-9)))
+        return replace(like, other=other)
 
     # -- moves
 

@@ -38,23 +38,34 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Move:
+class Tried:
     """One move that was tried.
 
     Attributes:
         kind: "add", "drop", "swap" or "unknown".
         added, removed: keys.
         gain: what it gains.
+        accepted: whether it was made.
+        resolution: of the problem.
     """
 
     kind: str
     added: tuple[Hashable, ...]
     removed: tuple[Hashable, ...]
     gain: Gain
+    accepted: bool
+    resolution: str
 
 
 class Problem(Protocol[Model]):
-    """Models, their moves and their comparison."""
+    """Models, their moves and their comparison.
+
+    Attributes:
+        name: of its resolution.
+    """
+
+    @property
+    def name(self) -> str: ...
 
     def parts(self, model: Model) -> frozenset[Hashable]:
         """Keys of what a model has."""
@@ -95,14 +106,17 @@ class Search(Generic[Model]):
     Args:
         problem: supplies the moves.
         made: called with each model that is accepted.
-
-    Attributes:
-        trace: the moves that were tried.
+        trace: the moves that were tried, continued.
     """
 
-    def __init__(self, problem: Problem[Model], made: Callable[[Model], None] = lambda _: None) -> None:
+    def __init__(
+        self,
+        problem: Problem[Model],
+        made: Callable[[Model], None] = lambda _: None,
+        trace: list[Tried] | None = None,
+    ) -> None:
         self.problem, self.made = problem, made
-        self.trace: list[Move] = []
+        self.trace: list[Tried] = [] if trace is None else trace
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
@@ -162,11 +176,12 @@ class Search(Generic[Model]):
             return False
         if new < old:  # a part stays only where the criterion would add it
             gain = self.problem.gain(after, before, tried)
-            self.trace.append(Move("drop", (), tuple(old - new), gain.reversed))
-            return not gain.accepted
-        gain = self.problem.gain(before, after, tried)
-        self.trace.append(Move(kind, tuple(new - old), tuple(old - new), gain))
-        return gain.accepted
+            kind, accepted, gain = "drop", not gain.accepted, gain.reversed
+        else:
+            gain = self.problem.gain(before, after, tried)
+            accepted = gain.accepted
+        self.trace.append(Tried(kind, tuple(new - old), tuple(old - new), gain, accepted, self.problem.name))
+        return accepted
 
 
 def best_of_each_place(candidates: Iterable[Candidate]) -> list[Candidate]:

@@ -112,6 +112,7 @@ class Effect(ABC):
         instead_of: an effect of the same joint for which it may be mistaken; the better one is kept.
         only_among_many: a search for single effects leaves it out.
         after_rest: it acts on what follows a standstill only.
+        scales_torque: its first parameter g scales the recorded torque by 1 + g.
         size_at: positions of the parameters that are zero when the effect is absent.
         stopgap: not physics: never a candidate, added only on request.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
@@ -151,6 +152,7 @@ class Effect(ABC):
     instead_of: ClassVar[str | None] = None
     only_among_many: ClassVar[bool] = False
     after_rest: ClassVar[bool] = False
+    scales_torque: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     stopgap: ClassVar[bool] = False
     usual: ClassVar[bool] = False

@@ -30,6 +30,7 @@ class TorqueGain(Effect):
         ParameterSpec("gain_error", "-", lower=-0.8, upper=4.0, explanation="relative error", symbol="g"),
     )
     linear = True
+    scales_torque = True
     expected = MappingProxyType({"gain_error": EXPECTED_GAIN_ERROR})
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:

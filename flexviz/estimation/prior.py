@@ -81,6 +81,7 @@ class Prior:
             unused.
         weight: of the inertial part, one number or shape (n,).
         log_spread: shape (P,), standard deviations of ln(x / centre), infinite without; None: all infinite.
+        scales: parameters g by which a joint's torque is scaled, 1 + g, and how many samples they scale.
         coupled: parameters and the inverse covariance of a further normal part around `centre`, of each
             effect that has one.
     """
@@ -92,6 +93,7 @@ class Prior:
     weight: float | Array = 1.0
     log_spread: Array | None = None
     coupled: tuple[tuple[slice, Array], ...] = ()
+    scales: tuple[tuple[int, float], ...] = ()
 
     def feasible(self, x: Array) -> bool:
         """Whether all bodies are physically consistent and the parameters of every effect admissible."""
@@ -116,7 +118,15 @@ class Prior:
         relative_part = float(precision @ ratio**2)
         coupled = sum(float(d @ m @ d) for at, m in self.coupled for d in [(x - self.centre)[at]])
         total = (self.weight * divergence).sum() + 0.5 * (normal @ normal + relative_part + coupled)
-        return float(total)
+        return float(total) - self.volume(x)
+
+    def volume(self, x: Array) -> float:
+        """Log of the ratio of the volumes of applied and recorded torques.
+
+        The residual of a torque scaled by 1 + g is scaled as well: the density of the recorded torque, in
+        whose units errors are measured, has this factor. Without it any error becomes small as g falls to −1.
+        """
+        return sum(count * float(np.log(max(1 + x[k], 1e-9))) for k, count in self.scales)
 
     def gradient_and_hessian(self, x: Array) -> tuple[Array, Array]:
         """Derivatives of `value`, shapes (P,) and (P, P)."""
@@ -142,6 +152,9 @@ class Prior:
         tight = precision > 0
         gradient[tight] += precision[tight] * ratio[tight] / x[tight]
         hessian[tight, tight] += precision[tight] / x[tight] ** 2
+        for k, count in self.scales:
+            gradient[k] -= count / max(1 + x[k], 1e-9)
+            hessian[k, k] += count / max(1 + x[k], 1e-9) ** 2
         return gradient, hessian
 
     def _logs(self, x: Array) -> tuple[Array, Array]:

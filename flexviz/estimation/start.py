@@ -114,7 +114,10 @@ def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, rigid_rms: Array
     centre[lay.effect_start :] = np.where(bounds.lower == bounds.upper, x, 0.0)[lay.effect_start :]
     rms_torque = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0))
     spread = _spread(lay, x, rms_torque, sig.theta[1])
-    prior = Prior(lay, cad, centre, spread, coupled=tuple(_coupled(lay, rms_torque)))
+    scales = tuple(
+        (where.start, float(sig.count)) for e, where in lay.effect_slices() if EFFECTS[e.effect].scales_torque
+    )
+    prior = Prior(lay, cad, centre, spread, coupled=tuple(_coupled(lay, rms_torque)), scales=scales)
     return Start(x, prior, bounds, rigid_rms)
 
 
