@@ -209,7 +209,7 @@ def finding_html(merged: MergedFinding[Finding], rank: int, full: bool, joints: 
     lines = [f"<div><b>{rank}. {escape(merged.statement(joints))}</b></div>"]
     lines.append(
         f'<div class="fv-bar"><span style="width:{100 * min(max(likely, 0.0), 1.0):.0f}%"></span>'
-        f"</div><div>confidence {confidence_range(members)}, {removes_text(merged)}</div>"
+        f"</div><div>confidence {confidence_range(members)}, {escape(removes_text(merged))}</div>"
     )
     if merged.tied:
         lines.append(f'<div class="fv-dim">{escape(kinds_text(members[0]))}</div>')
