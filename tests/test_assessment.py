@@ -9,7 +9,7 @@ import pytest
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.measurements.writing import GroupTable, write_set
-from flexviz.results import ResultDocument, assessment
+from flexviz.results import ResultDocument, assessment, hints, lacks_effects
 from tests.planar_arm import HELD_OUT, planar_set
 
 
@@ -71,3 +71,61 @@ def test_torque_behind_the_gear_is_recognised(clean, tmp_path):
     folder = tmp_path / "behind"
     write_set(folder, robot="robots:planar_2r", joints=clean.joints, groups=tables, payloads=clean.payloads)
     assert "joint torque sensor" in assessment(identify(read_set(folder)).document())
+
+
+def document(rms, floor, between=(), parameters=(), **changes):
+    residual = {"joints": ["a", "b"], "rms": rms, "rms_validation": rms, "noise_floor": floor,
+                "torque_spread": [10.0, 10.0], "rms_between_reversals": list(between)}  # fmt: skip
+    return ResultDocument.from_dict(
+        {"format": 1, "set": "s", "parameters": list(parameters), "residual": residual, **changes}
+    )
+
+
+def test_what_only_reversals_leave_is_not_a_missing_effect():
+    lacking = document([2.0, 0.1], [0.01, 0.01])
+    assert "The error is up to 200 times the noise: the model lacks effects" in assessment(lacking)
+    reversals = document([2.0, 0.1], [0.01, 0.01], between=[0.012, 0.02])
+    text = assessment(reversals)
+    assert "lacks effects" not in text and lacks_effects(reversals) == "" and "bias" in text
+    assert "up to 200 times the noise, but only around reversals and crossings of a gap" in text
+    # more than reversals stays
+    assert "lacks effects" in assessment(document([2.0, 0.1], [0.01, 0.01], between=[0.3, 0.02]))
+    quiet = document([0.012, 0.01], [0.01, 0.01], between=[0.01, 0.01])
+    assert "reversals" not in assessment(quiet)
+    assert "rms_between_reversals" not in lacking.to_dict()["residual"]
+
+
+def test_backlash_that_the_model_has_leaves_only_reversals(tmp_path):
+    """The crossings of the gap stay far above the noise although nothing is missing."""
+    hidden = planar_set(tmp_path / "gap", ["backlash:joint1"], seed=7, groups=HELD_OUT)
+    complete = identify(hidden, effects=["backlash:joint1"])
+    floor, between = complete.residual.noise_floor, complete.residual.rms_between_reversals
+    assert complete.residual.rms[0] > 30 * floor[0] and between[0] < 0.3 * complete.residual.rms[0]
+    assert "only around reversals" in assessment(complete.document())
+    without = identify(hidden)
+    assert without.residual.rms_between_reversals == () and "lacks effects" in assessment(without.document())
+
+
+def parameter(name, joint="a", value=1.0, start=1.0, at_bound=False):
+    return {"name": name, "joint": joint, "value": value, "std": None, "unit": "", "start": start,
+            "identifiable": "no", "at_bound": at_bound}  # fmt: skip
+
+
+def test_a_value_at_its_bound_is_no_estimate():
+    held = [parameter("stiffness", at_bound=True), parameter("motor_inertia", "b"),
+            parameter("link_viscous_friction", at_bound=True),
+            parameter("backlash.half_width", "b", at_bound=True)]  # fmt: skip
+    found = document([1.0, 1.0], [1.0, 1.0], parameters=held)
+    said = "At the bound of what is possible: stiffness of a and backlash · half width of b; their values are"
+    assert said in assessment(found) and hints(found.all_parameters)[0].startswith(said)
+    assert hints([]) == [] and "bound" not in assessment(document([1.0, 1.0], [1.0, 1.0]))
+
+
+def test_a_diagnosis_gives_the_hints_of_an_identification():
+    """The joint's own torque as the motor's: nothing is left of the motor inertias, in any model."""
+    low = [parameter("motor_inertia", joint, 1e-3, 1.0) for joint in ("a", "b")]
+    found = document([1.0, 1.0], [1.0, 1.0], parameters=low, verdict="unknown")
+    assert "joint torque sensor" in hints(found.all_parameters)[0]
+    assert "note: The motor inertias end at their lower bound" in found.summary()
+    assert not hints(document([1.0, 1.0], [1.0, 1.0], parameters=[*low[:1], parameter("motor_inertia", "b")])
+                     .all_parameters)  # fmt: skip

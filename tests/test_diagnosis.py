@@ -72,7 +72,7 @@ def test_json_is_the_contract(diagnosed_demo: Diagnosis) -> None:
     candidate = document["candidates"][0]
     assert set(candidate) == {
         "effect", "joint", "group", "payload", "score", "confidence", "parameters", "inseparable_from",
-        "absorbed",  # beside the contract's keys
+        "absorbed", "share",  # beside the contract's keys
     }  # fmt: skip
     assert 0 <= candidate["score"] <= 1 and 0 <= candidate["confidence"] <= 1
     assert (
@@ -86,7 +86,7 @@ def test_json_is_the_contract(diagnosed_demo: Diagnosis) -> None:
 
 def test_words(diagnosed_demo: Diagnosis) -> None:
     said = diagnosed_demo.summary().splitlines()
-    assert said[0].startswith("Missing: Coulomb friction on joint2.")
+    assert said[0].startswith("Missing: Coulomb friction on joint2: ")
     assert said[1].startswith("  1. coulomb_friction on joint2: coulomb ")
     assert any("nothing-missing" in line for line in said)
 

@@ -313,6 +313,17 @@ def test_a_report_names_the_family_where_the_data_do_not_tell_its_members_apart(
     assert f"confidence 97 %; {untold}." in text
 
 
+def test_a_report_warns_of_values_at_their_bound(tmp_path: Path) -> None:
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    low = tuple(
+        replace(p, value=1e-3, start=1.0) if p.name == "motor_inertia" else p for p in DIAGNOSIS.parameters
+    )
+    text = session_report(
+        diagnosed_session(measurements, replace(DIAGNOSIS, parameters=low)), measurements, "md"
+    )
+    assert "this torque was probably measured behind the gear" in text
+
+
 def test_a_report_tells_why_these_effects(tmp_path: Path) -> None:
     measurements = read_set(write_small_set(tmp_path / "small"))
     session = diagnosed_session(measurements, TIED_DIAGNOSIS)

@@ -60,6 +60,10 @@ def test_a_diagnosis_keeps_its_families_and_its_trace(measurements: MeasurementS
     again = open_session(folder).session.analysis.diagnosis
     assert again is not None and again.findings[0].family == TIED_DIAGNOSIS.findings[0].family
     assert again.trace == TIED_DIAGNOSIS.trace and again.decoys == (0, 40)
+    added = session.analysis.with_effects(["coulomb_friction:joint2"]).with_diagnosis(DIAGNOSIS)
+    later = save_session(session.then("added", added), measurements, tmp_path / "later")
+    families = (("coulomb_friction:joint2", "dry_friction"),)
+    assert open_session(later).session.analysis.model_steps[-1].families == families
     file = folder / SESSION_FILE
     document = json.loads(file.read_text())
     for packed in document["shared"]:  # as earlier versions wrote it

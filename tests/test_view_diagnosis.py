@@ -16,6 +16,7 @@ from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.residual_location import UNITS, ResidualMap
 from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.effects import EFFECTS
+from flexviz.identification import ParameterEstimate
 from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effects import card_html, finding_html, heading_html, picture, verdict_html
@@ -87,6 +88,8 @@ def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
     assert "Find the missing effect" in verdict_html(None)
     assert "have changed since" in verdict_html(DIAGNOSIS, up_to_date=False)
     assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
+    low = tuple(ParameterEstimate("motor_inertia", joint, 1e-3, 1.0, "kg m²", 1.0, "no") for joint in JOINTS)
+    assert "joint torque sensor" in verdict_html(replace(DIAGNOSIS, parameters=low))
     assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=(Note("other", "<b>"),)))
     notes = (
         Note("unexplained", "what stays is small"),
@@ -265,6 +268,8 @@ def test_the_free_curve_says_that_it_is_a_stopgap() -> None:
     text = free_html(free_curve([[1.0, 2.0]]))
     assert "Stopgap" in text and "43 ± 4 %" in text and "not a model" in text
     assert not free_chart(None).series and free_html(None) == ""
+    doubtful = replace(free_curve([[1.0, 2.0]]), explained=0.03, explained_std=0.02)  # perhaps nothing
+    assert not free_chart(doubtful).series and free_html(doubtful) == ""
 
 
 def test_what_to_do_next(tmp_path: Any) -> None:

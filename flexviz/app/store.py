@@ -38,7 +38,7 @@ from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import BestSoFar, Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
-from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
+from flexviz.view import LinkColours, link_colours, offered_curve, progress_text, shown_errors
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
@@ -204,9 +204,8 @@ class Store(ChangeSignal):
 
     @property
     def free_curve(self) -> FreeCurve | None:
-        """The free curve of the diagnosis, if any."""
-        diagnosis = self.analysis.current_diagnosis
-        return diagnosis.free_curve if diagnosis else None
+        """The free curve that the diagnosis offers, if any."""
+        return offered_curve(self.analysis.current_diagnosis)
 
     # -- what is shown -------------------------------------------------------------------------------
 

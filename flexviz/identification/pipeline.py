@@ -31,6 +31,7 @@ from flexviz.identification.failure import (
 )
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
+from flexviz.identification.reversals import rms_between_reversals
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
@@ -236,7 +237,9 @@ def _residuals(
         rms_validation = _rms(result.residual)
     rms = _rms(evaluation.residual)
     floors, spread = tuple(map(float, floor)), measurements.torque_spread
-    return ResidualSummary(layout.joints, rms, rms_validation, floors, spread), series
+    point = equation.at(outcome.x, plain.solution.point)
+    between = rms_between_reversals(equation, evaluation, point, outcome.x, floor)
+    return ResidualSummary(layout.joints, rms, rms_validation, floors, spread, between), series
 
 
 def _rms(residual: Array) -> tuple[float, ...]:

@@ -79,6 +79,8 @@ class ResidualSummary:
         rms_validation: over the validation groups; None without any.
         noise_floor: rms due to measurement noise alone.
         torque_spread: standard deviation of the recorded torque over all groups; empty if unknown.
+        rms_between_reversals: rms over the samples of the fitted groups that no reversal and no crossing of a
+            gap disturbs; empty if the model has no effect whose torque is unknown there.
     """
 
     joints: tuple[str, ...]
@@ -86,6 +88,7 @@ class ResidualSummary:
     rms_validation: tuple[float, ...] | None
     noise_floor: tuple[float, ...]
     torque_spread: tuple[float, ...] = ()
+    rms_between_reversals: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ class IdentificationThresholds:
             lagging observer caps all grades at "weak".
         unrest: share of the remaining step from which a joint keeps a fit from converging.
         bad_share: error relative to a joint's torque that is named as the reason.
+        undisturbed_share: share of the samples from which those without a reversal judge the model.
         nothing_explained: error relative to a joint's torque from which the joint counts as not fitted.
     """
 
@@ -52,6 +53,7 @@ class IdentificationThresholds:
     far_above_noise: float = 3.0
     unrest: float = 0.3
     bad_share: float = 0.1
+    undisturbed_share: float = 0.05
     nothing_explained: float = 1.0
 
 

@@ -21,6 +21,7 @@ from flexviz.recording.paths import ABOUT, ITERATION, LOG, TIME, TITLES, observe
 from flexviz.recording.scene import Stage
 from flexviz.recording.signals import state_names
 from flexviz.recording.texts import group_title
+from flexviz.view import offered_curve
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
@@ -179,7 +180,7 @@ def _where_it_fails(
         views.append(drawing(path("diagnoses", number, "staircase"), "Errors step by step"))
         if evidence := _evidence(diagnoses[-1], number):
             views.append(rrb.Tabs(*evidence, name="Evidence"))
-        if diagnoses[-1].free_curve is not None:
+        if offered_curve(diagnoses[-1]) is not None:
             views.append(drawing(path("diagnoses", number, "free"), "Free curve"))
     return rrb.Tabs(*views, name="Where it fails")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.results import hints
 from flexviz.scene import RobotMotion
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import (
@@ -139,6 +140,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         span = as_markdown(span_text(place, unit, groups))
         lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {span}")
     notes = [note.text for note in diagnosis.notes if note.text not in verdict]
+    notes += hints(diagnosis.parameters)
     return "\n".join([*lines, "", *(f"- {as_markdown(text)}" for text in notes)])
 
 

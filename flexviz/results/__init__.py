@@ -1,6 +1,6 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
-from flexviz.results.assessment import assessment, lacks_effects
+from flexviz.results.assessment import assessment, hints, lacks_effects
 from flexviz.results.base import Grade, Note, NoteKind, Verdict
 from flexviz.results.curves import curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
@@ -26,6 +26,7 @@ __all__ = [
     "curve_entries",
     "curve_tables",
     "find_parameter",
+    "hints",
     "interval",
     "json_schema",
     "lacks_effects",

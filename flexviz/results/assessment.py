@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Protocol
 
+from flexviz.results.curves import EstimateLike
 from flexviz.results.entries import ParameterEntry, ResidualEntry, ResultFields
-from flexviz.wording import listed, normalised, percent, plural
+from flexviz.wording import listed, normalised, percent, plain_name, plural
 
 GOOD_SHARE = 0.1  # error of a joint up to which it is good, relative to the spread of its torque
 FAR_FROM_NOISE = 3.0  # times the noise, from which the model lacks something ...
 LEAST_SHARE = 0.01  # ... if the error is also this share of the torque
 WORSE_HELD_OUT = 1.5  # times the error on the fitted groups
 NO_MOTOR = 0.8  # share of the joints whose motor inertia ends at its lower bound: τ is not the motor's
+
+AT_LOWEST = 1.01e-3  # of its start value: a motor inertia is at its lower bound, a thousandth of that
+BY_DESIGN = ("stiffness", "motor_inertia")  # beside those of effects, parameters that have no natural bound
 
 BEHIND_THE_GEAR = (
     "The motor inertias end at their lower bound: this torque was probably measured behind the gear (a joint "
@@ -78,10 +83,14 @@ def _grades(result: ResultFields) -> list[str]:
 
 
 def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
-    if _torque_behind_the_gear(result):
-        return [BEHIND_THE_GEAR]
-    out = [lacking] if (lacking := lacks_effects(result)) else []
-    if not out and not result.refined:
+    out = hints(result.all_parameters)
+    if BEHIND_THE_GEAR in out:
+        return out
+    lacking = lacks_effects(result)
+    out += [lacking] if lacking else []
+    if not lacking and (reversals := only_reversals(result)):
+        out.append(reversals)
+    if not lacking and not result.refined:
         out.append(NOT_REFINED)
     record = []
     if not residual.rms_validation:
@@ -96,16 +105,12 @@ def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
 
 
 def lacks_effects(result: ResultFields) -> str:
-    """That the model lacks effects, for which its parameters stand in; empty if it does not."""
+    """That the model lacks effects, for which its parameters stand in; empty if it does not.
+
+    Samples that a reversal disturbs do not count: the torque of friction and backlash is unknown there.
+    """
     residual = result.residual
-    if residual is None:
-        return ""
-    rows = zip(residual.rms, residual.noise_floor, _shares(residual, residual.rms), strict=True)
-    far = [
-        error / noise
-        for error, noise, share in rows
-        if error > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE
-    ]
+    far = [] if residual is None else _far(residual, residual.rms_between_reversals or residual.rms)
     if not far:
         return ""
     return (
@@ -114,10 +119,56 @@ def lacks_effects(result: ResultFields) -> str:
     )
 
 
-def _torque_behind_the_gear(result: ResultFields) -> bool:
-    inertias = _named(result, "motor_inertia")
-    low = [p for p in inertias if p.at_bound and p.start is not None and p.value < p.start]
-    return bool(inertias) and len(low) >= NO_MOTOR * len(inertias)
+def only_reversals(result: ResultFields) -> str:
+    """That only reversals stay above the noise; empty if something else does, or nothing."""
+    residual = result.residual
+    if residual is None or not (far := _far(residual, residual.rms)) or lacks_effects(result):
+        return ""
+    return (
+        f"The error is up to {max(far):.0f} times the noise, but only around reversals and crossings of a "
+        "gap, where the torque of friction and backlash is unknown."
+    )
+
+
+def _far(residual: ResidualEntry, rms: Sequence[float]) -> list[float]:
+    """Errors in multiples of the noise, of the joints whose error is not that of the sensors."""
+    rows = zip(rms, residual.noise_floor, _shares(residual, rms), strict=True)
+    return [
+        error / noise
+        for error, noise, share in rows
+        if error > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE
+    ]
+
+
+class BoundedLike(EstimateLike, Protocol):
+    """A parameter that may be held at a bound."""
+
+    @property
+    def start(self) -> float | None: ...
+    @property
+    def at_bound(self) -> bool: ...
+
+
+def hints(parameters: Iterable[BoundedLike]) -> list[str]:
+    """What values at their bounds say about the data, of an identification or a diagnosis."""
+    parameters = list(parameters)
+    inertias = [p for p in parameters if p.name == "motor_inertia"]
+    if inertias and sum(map(_without_motor, inertias)) >= NO_MOTOR * len(inertias):
+        return [BEHIND_THE_GEAR]
+    held = [p for p in parameters if p.at_bound and (p.name in BY_DESIGN or "." in p.name)]
+    if not held:
+        return []
+    names = [plain_name(p.name) + (f" of {p.joint}" if p.joint else "") for p in held]
+    what = "its value is" if len(names) == 1 else "their values are"
+    return [f"At the bound of what is possible: {listed(names)}; {what} no estimate."]
+
+
+def _without_motor(inertia: BoundedLike) -> bool:
+    """Whether a motor inertia ended at its lower bound."""
+    if inertia.start is None:
+        return False
+    lowest = inertia.value <= AT_LOWEST * inertia.start
+    return lowest or (inertia.at_bound and inertia.value < inertia.start)
 
 
 def _named(result: ResultFields, name: str) -> Sequence[ParameterEntry]:

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
+from flexviz.results.assessment import hints
 from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, ResultFields, StepEntry
 from flexviz.results.tables import in_ascii, plain_table
 from flexviz.wording import (
@@ -80,6 +81,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
     skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason
     out += [f"note: {note}" for note in result.notes if note not in skipped]
+    out += [f"note: {hint}" for hint in hints(result.all_parameters)]
     return [*out, "stopped; this is what was found so far"] if result.stopped else out
 
 

@@ -83,19 +83,26 @@ class ObserverEntry(ResultEntry):
 
 
 class ResidualEntry(ResultEntry):
-    """Residual per joint [Nm], unweighted, and the standard deviation of the recorded torque."""
+    """Residual per joint [Nm], unweighted, and the standard deviation of the recorded torque.
+
+    `rms_between_reversals` is over samples that no reversal disturbs; absent where no effect needs it.
+    """
 
     joints: list[str]
     rms: list[Number]
     rms_validation: list[Number] | None
     noise_floor: list[Number]
     torque_spread: list[Number] = Field(default_factory=list)
+    rms_between_reversals: list[Number] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _per_joint(self) -> Self:
         lists = {"rms": self.rms, "rms_validation": self.rms_validation, "noise_floor": self.noise_floor}
-        spread = self.torque_spread or None
-        check_lengths(len(self.joints), "one per joint", **lists, torque_spread=spread)
+        for name in ("torque_spread", "rms_between_reversals"):
+            lists[name] = getattr(self, name) or None
+        check_lengths(len(self.joints), "one per joint", **lists)
+        if not self.rms_between_reversals:
+            self.model_fields_set.discard("rms_between_reversals")
         return self
 
 

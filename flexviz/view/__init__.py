@@ -24,7 +24,7 @@ from flexviz.view.fit_charts import (
     sweep_charts,
     sweep_html,
 )
-from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, physical
+from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
 from flexviz.view.residuals import (
     MAP_COLUMNS,
@@ -114,6 +114,7 @@ __all__ = [
     "numbers_html",
     "observer_for",
     "observer_numbers",
+    "offered_curve",
     "parameter_names",
     "parameters_html",
     "physical",

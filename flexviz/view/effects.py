@@ -11,6 +11,7 @@ from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.effects import EFFECTS, Effect
 from flexviz.progress import BestSoFar
 from flexviz.resources import data_dir
+from flexviz.results import hints
 from flexviz.wording import (
     LIKELY,
     SAID_AS_SHARES,
@@ -18,6 +19,7 @@ from flexviz.wording import (
     absorbed_list,
     bounds_text,
     by_share,
+    capitalised,
     confidence_of,
     confidence_range,
     effect_text_name,
@@ -157,7 +159,8 @@ def verdict_html(
     verdict = verdict_text(diagnosis, joints=joints, worst=worst)
     told = [n.text for n in diagnosis.notes if n.kind not in skipped and n.text not in verdict]
     texts = [*left, *told]
-    notes = "".join(f'<div class="fv-dim">{escape(text[:1].upper() + text[1:])}.</div>' for text in texts)
+    notes = "".join(f'<div class="fv-dim">{escape(capitalised(text))}.</div>' for text in texts)
+    notes += "".join(f'<div class="fv-warn">{escape(hint)}</div>' for hint in hints(diagnosis.parameters))
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: these are the findings so far.</div>'
     if not up_to_date:
@@ -206,7 +209,7 @@ def finding_html(merged: MergedFinding[Finding], rank: int, full: bool, joints: 
     lines = [f"<div><b>{rank}. {escape(merged.statement(joints))}</b></div>"]
     lines.append(
         f'<div class="fv-bar"><span style="width:{100 * min(max(likely, 0.0), 1.0):.0f}%"></span>'
-        f"</div><div>confidence {confidence_range(members)}, {removes_text(merged)}</div>"
+        f"</div><div>confidence {confidence_range(members)}, {escape(removes_text(merged))}</div>"
     )
     if merged.tied:
         lines.append(f'<div class="fv-dim">{escape(kinds_text(members[0]))}</div>')

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon, no_chart
-from flexviz.diagnosis import FreeCurve
+from flexviz.diagnosis import Diagnosis, FreeCurve
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.identification import ParameterEstimate
 from flexviz.results import curve_tables
@@ -16,9 +16,18 @@ from flexviz.view.residuals import CURVES, FREE
 from flexviz.wording import escape, number
 
 
+def offered_curve(diagnosis: Diagnosis | None) -> FreeCurve | None:
+    """The free curve of a diagnosis; None also if it may explain nothing."""
+    curve = None if diagnosis is None else diagnosis.free_curve
+    return curve if curve is not None and curve.certain else None
+
+
 def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
-    """The free curve fitted to a residual that no effect explains, with its 95 % interval."""
-    if curve is None:
+    """The free curve fitted to a residual that no effect explains, with its 95 % interval.
+
+    None is drawn that may explain nothing.
+    """
+    if curve is None or not curve.certain:
         return no_chart(FREE)
     values, halves, names = curve.value, NORMAL_95 * curve.std, curve.directions
     seen = np.isfinite(values) & np.isfinite(halves)
@@ -47,8 +56,8 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
 
 
 def free_html(curve: FreeCurve | None) -> str:
-    """The share that the free curve explains, marked as a stopgap."""
-    if curve is None:
+    """The share that the free curve explains, marked as a stopgap; empty if that may be nothing."""
+    if curve is None or not curve.certain:
         return ""
     share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"
     sides = " and the direction of motion" if len(curve.directions) > 1 else ""

@@ -131,6 +131,7 @@ def _names(kind: str, texts: Sequence[str], joints: Sequence[str], families: Fam
     if kind == "unknown":
         places = [where_text(text.partition(":")[2] or None) or f" ({text})" for text in texts]
         return listed([f"an unknown torque{place}" for place in places])
+    families = families if kind != "swap" else None  # often one member of a family for another
     unique = list(dict.fromkeys(texts))
     known = text_names(unique, joints, families) if joints else [effect_text_name(text) for text in unique]
     return listed(known)

@@ -8,6 +8,7 @@ from flexviz.diagnosis import PredictionErrors, Step
 from flexviz.effects import free_curve
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
+from flexviz.results import hints
 from flexviz.wording import (
     INERTIAL,
     SAID_AS_SHARES,
@@ -147,6 +148,7 @@ def warnings(content: ReportContent) -> list[str]:
     found = content.identification
     if found is not None and not found.converged:
         out.append(f"The identification did not converge: {found.message}")
+    out += hints(content.parameters)
     if not content.changed:
         out += [_sentence(warning, (warning,)) for warning in content.measurements.warnings]
     return out
