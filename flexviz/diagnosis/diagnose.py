@@ -274,7 +274,9 @@ class _Diagnosis:
         fit = end.fine.fit if apply else self.fine.fit(shown.layout, shown.x, 0).fit
         context, layout = self.fine.context, shown.layout
         place = None
-        if apply and verdict == "unknown" and not self.stopped and end.changing is None and not end.curves:
+        one_place = np.count_nonzero(self.view.significant(end.coarse)) < 2  # one law acts at one place
+        searched = apply and not self.stopped and not end.curves and end.changing is None
+        if searched and verdict == "unknown" and one_place:
             place = self.place(end, fit)
         beside = BesideUnknown.of(context, fit, place)
         likely = [e.joint for e in end.curves]

@@ -108,7 +108,8 @@ class Resolution(ABC, Generic[AnyFit]):
         other = like.other
         for k, count in prior.scales:
             where = next(e for e, at in prior.layout.effect_slices() if at.start <= k < at.stop)
-            other += (1 - 1 / like.times[where.place.own_joint]) * count * float(np.log(max(1 + x[k], 1e-9)))
+            scaled = count * float(np.log(max(1 + x[k], 1e-9)))
+            other += (1 - 1 / like.times[where.place.own_joint]) * scaled
         return replace(like, other=other)
 
     # -- moves

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.evidence
 JOINTS = 3  # number of joints, by residual, on which an input is tried
 ITERATIONS = 10, 16  # of the first fits beside it, and of the most promising
+FAR = 30.0  # excess from which a fit may be far off
 REACHED = 1.0  # excess beside the input at the right place, at most
 
 PLACES: dict[Side, str] = {
@@ -96,7 +97,8 @@ def unknown_place(
     n, lacking = fit.layout.n, excess(fit)
     if n == 1:
         return None
-    starts = fit.x, context.start(fit.layout).x
+    # far from the noise, the parameters of the fit are a worse start than those of a rigid robot
+    starts = (fit.x,) if lacking < FAR else (fit.x, context.start(fit.layout).x)
 
     def tried(unknown: UnknownInput, x: Array, iterations: int) -> _Trial:
         check()
