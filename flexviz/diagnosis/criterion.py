@@ -75,6 +75,7 @@ def likelihood(
     freedom: int,
     outlier: float = np.inf,
     times: Array | None = None,
+    fixed: bool = False,
 ) -> Likelihood:
     """Likelihood of a model from its residuals.
 
@@ -85,15 +86,15 @@ def likelihood(
         freedom: number of parameters of the effects.
         outlier: standard deviations from which a residual counts linearly (Huber).
         times: shape (n,), correlation times if they are known.
+        fixed: the standard deviation is the floor, whatever the residuals are.
     """
     count = np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
-    sigma = _deviation(parts, count, outlier)
-    sigma = np.maximum(sigma, floor)
+    sigma = floor if fixed else np.maximum(_deviation(parts, count, outlier), floor)
     losses, held_out = [], []
     for k, part in enumerate(parts):
         ratio = np.abs(part.values) / sigma
         each = np.where(ratio < outlier, 0.5 * ratio**2, outlier * (ratio - 0.5 * min(outlier, 1e150)))
-        each = (each + np.log(sigma)) * part.used
+        each = (each + (0.0 if fixed else np.log(sigma))) * part.used
         sums = np.add.reduceat(each, [s.start for s in part.stretches], axis=0)
         losses.append(sums)
         held_out += [k > 0] * len(part.stretches)
