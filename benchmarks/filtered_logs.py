@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, lfilter, lfilter_zi, sosfiltfilt
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from benchmarks.diagnosis_study.cases import generator
 from benchmarks.kept_results import say
@@ -46,8 +46,8 @@ def butterworth(signal: Array, rate: float, hertz: float) -> Array:
 
 def low_pass(signal: Array, rate: float, hertz: float) -> Array:
     """Causal low-pass of second order, as in a drive; it starts at the first sample."""
-    b, a = butter(2, hertz, fs=rate)
-    return lfilter(b, a, signal, axis=0, zi=lfilter_zi(b, a)[:, None] * signal[0])[0]
+    sections = butter(2, hertz, fs=rate, output="sos")
+    return sosfilt(sections, signal, axis=0, zi=sosfilt_zi(sections)[:, :, None] * signal[0])[0]
 
 
 def moving_average(signal: Array, rate: float, hertz: float) -> Array:
