@@ -47,7 +47,8 @@ def make(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Diagnose what has no result."""
-    running.run(options.work, chosen(options), dict(options.command), options.jobs, options.timeout)
+    commands = dict(options.command)
+    running.run(options.work, chosen(options), commands, options.jobs, options.timeout, options.retry)
     return 0
 
 
@@ -88,6 +89,7 @@ def parser() -> argparse.ArgumentParser:
     ran.set_defaults(act=run)
     ran.add_argument("--command", type=named_command, action="append", required=True, metavar="NAME=CMD")
     ran.add_argument("--timeout", type=float, default=running.LONGEST, metavar="S", help="of one set [s]")
+    ran.add_argument("--retry", action="store_true", help="also those that gave no answer")
     told = commands.add_parser("report", help="print what was found")
     told.set_defaults(act=report)
     told.add_argument("--names", nargs="+", metavar="NAME", help="commands to compare; all by default")

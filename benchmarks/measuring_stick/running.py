@@ -31,7 +31,12 @@ def read_result(work: Path, name: str, key: str) -> Json | None:
 
 
 def run(
-    work: Path, sets: Sequence[StickSet], commands: Mapping[str, tuple[str, ...]], jobs: int, timeout: float
+    work: Path,
+    sets: Sequence[StickSet],
+    commands: Mapping[str, tuple[str, ...]],
+    jobs: int,
+    timeout: float,
+    retry: bool = False,
 ) -> None:
     """Diagnose what has no result yet; with each set, another command begins.
 
@@ -40,12 +45,13 @@ def run(
         commands: name → words before `diagnose`.
         jobs: sets at a time.
         timeout: [s] of one diagnosis.
+        retry: also those that gave no answer.
     """
     made = {name: DiagnoseCommand(words, timeout, apart=True) for name, words in commands.items()}
     waiting = [
         (one, missing)
         for k, one in enumerate(sets)
-        if (missing := [n for n in _turned(list(made), k) if not result_file(work, n, one.key).is_file()])
+        if (missing := [name for name in _turned(list(made), k) if not _done(work, name, one.key, retry)])
     ]
 
     def each(one: StickSet, missing: list[str]) -> str:
@@ -65,6 +71,11 @@ def run(
 
 def _turned(names: list[str], k: int) -> list[str]:
     return names[k % len(names) :] + names[: k % len(names)]
+
+
+def _done(work: Path, name: str, key: str, retry: bool) -> bool:
+    result = read_result(work, name, key)
+    return result is not None and not (retry and "error" in result)
 
 
 def _kept(work: Path, name: str, one: StickSet, command: DiagnoseCommand) -> str:
