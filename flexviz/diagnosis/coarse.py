@@ -186,7 +186,7 @@ class Coarse(Resolution[MotionFit]):
     def with_first_movements(self, model: CoarseModel) -> CoarseModel:
         """The model with effects of the first movement after a standstill, which then counts.
 
-        What happens a few times in a record is an outlier to the search: here the first movements alone count,
+        What happens a few times in a record is an outlier to the search: here those movements alone count,
         in units of what the model leaves in motion.
         """
         context, before = self.context, self.context.first_phase

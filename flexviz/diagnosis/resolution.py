@@ -104,7 +104,7 @@ class Resolution(ABC, Generic[AnyFit]):
         """Feasible start of a smaller model on the way to x, shape (P,)."""
 
     def judged(self, like: Likelihood, prior: Prior, x: Array) -> Likelihood:
-        """A likelihood in which scaled torques count like the samples that they scale: as independent ones."""
+        """A likelihood in which torques are scaled as often as there are independent samples."""
         other = like.other
         for k, count in prior.scales:
             where = next(e for e, at in prior.layout.effect_slices() if at.start <= k < at.stop)
