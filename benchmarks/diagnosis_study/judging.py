@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from flexviz.diagnosis.confidence import probability
 
 from benchmarks.diagnosis_study.answers import (
     COMPLETE,
@@ -20,7 +21,6 @@ from benchmarks.diagnosis_study.answers import (
     value_errors,
     value_pairs,
 )
-from flexviz.diagnosis.confidence import probability
 
 
 @dataclass(frozen=True)

@@ -168,12 +168,13 @@ class Gain:
         return "held-out groups are described less well" if self.harmed else ""
 
 
-def gain(before: Likelihood, after: Likelihood, tried: int = 1, episode: bool = False) -> Gain:
+def gain(before: Likelihood, after: Likelihood, tried: int = 0, episode: bool = False) -> Gain:
     """What a move from one model to another gains.
 
     Args:
         before, after: likelihoods of the models, over the same stretches.
-        tried: candidates among which the move was chosen; the best of many gains something by chance.
+        tried: candidates among which the move was chosen; the best of many gains something by chance. None
+            are tried where a part of the model is exchanged for a rival.
         episode: the models differ by what happens once, so that no other stretch can confirm it: the standard
             error is that of a log likelihood ratio within its own stretch.
     """
@@ -186,8 +187,8 @@ def gain(before: Likelihood, after: Likelihood, tried: int = 1, episode: bool = 
     each = falls.sum(axis=1)
     error = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 2 else np.inf
     more = after.freedom - before.freedom
-    cost = 2 * np.log(max(tried, 1)) * np.sign(more) + 0.5 * more * np.log(max(better.samples, 2.0))
-    delta = float(each.sum()) + before.other - after.other - float(cost)
+    size = 0.5 * more * float(np.log(max(better.samples, 2.0)))
+    delta = float(each.sum()) + before.other - after.other - size - float(np.sign(more)) * chance(tried)
     if episode:
         error = float(np.sqrt(2 * max(delta, 0.0)))
     held, harmed = each[before.held_out], False
@@ -195,6 +196,11 @@ def gain(before: Likelihood, after: Likelihood, tried: int = 1, episode: bool = 
         scatter = float(np.sqrt(len(held)) * held.std(ddof=1))
         harmed = bool(held.sum() < -LIMITS.deviations * scatter)
     return Gain(delta, error, by_joint, errors, harmed)
+
+
+def chance(tried: int) -> float:
+    """What the best of so many candidates has to gain, so that noise alone hardly ever does [nats]."""
+    return float(np.log(max(tried, 1) / LIMITS.false_alarm)) if tried else 0.0
 
 
 def half_seconds(blocks: Sequence[Block]) -> list[slice]:

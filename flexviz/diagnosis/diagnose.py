@@ -229,7 +229,10 @@ class _Diagnosis:
         final = self.final(end, curves)
         model = end.coarse
         stairs = staircase(view, model, final, self.band)
-        found = findings(view, model, stairs, self.band, self.rivals())
+        gains = (
+            self.fine.gains(end.fine) if end.resolution == "fine" and not end.curves else view.gains(model)
+        )
+        found = findings(view, model, gains, stairs, self.band, self.rivals())
         if not curves:
             found = [one for one in found if not one.stopgap]
         shown, verdict = (
