@@ -62,6 +62,12 @@ def diagnose(
         "explains, which is not physics. By default only where the effects were estimated beside one.",
         show_default=False,
     ),
+    decoys: bool = typer.Option(
+        False,
+        "--decoys",
+        help="Let candidates that cannot be right compete, such as another joint's friction, and tell how "
+        "many of them are accepted.",
+    ),
     draft_effect: Path | None = typer.Option(
         None,
         "--draft-effect",
@@ -92,6 +98,7 @@ def diagnose(
                 apply=apply,
                 guarded=guard,
                 free_curve=free_curve,
+                decoys=decoys,
                 progress=tell,
                 should_stop=should_stop,
             )

@@ -168,13 +168,16 @@ class Gain:
         return "held-out groups are described less well" if self.harmed else ""
 
 
-def gain(before: Likelihood, after: Likelihood, tried: int = 0, episode: bool = False) -> Gain:
+def gain(
+    before: Likelihood, after: Likelihood, tried: int = 0, episode: bool = False, trace: float = 0.0
+) -> Gain:
     """What a move from one model to another gains.
 
     Args:
         before, after: likelihoods of the models, over the same stretches.
         tried: candidates among which the move was chosen; the best of many gains something by chance. None
             are tried where a part of the model is exchanged for a rival.
+        trace: what approximate laws leave, which a further effect has to exceed [nats].
         episode: the models differ by what happens once, so that no other stretch can confirm it: the standard
             error is that of a log likelihood ratio within its own stretch.
     """
@@ -188,7 +191,9 @@ def gain(before: Likelihood, after: Likelihood, tried: int = 0, episode: bool = 
     error = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 2 else np.inf
     more = after.freedom - before.freedom
     size = 0.5 * more * float(np.log(max(better.samples, 2.0)))
-    delta = float(each.sum()) + before.other - after.other - size - float(np.sign(more)) * chance(tried)
+    delta = (
+        float(each.sum()) + before.other - after.other - size - float(np.sign(more)) * (chance(tried) + trace)
+    )
     if episode:
         error = float(np.sqrt(2 * max(delta, 0.0)))
     held, harmed = each[before.held_out], False

@@ -14,6 +14,7 @@ from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
+from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, findings, staircase, steps
 from flexviz.diagnosis.fine import Fine, FineModel
@@ -30,7 +31,7 @@ from flexviz.diagnosis.still_groups import without_still_groups
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
-from flexviz.effects import ChosenEffect
+from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -55,6 +56,7 @@ def diagnose(
     start: object = None,
     guarded: bool | None = None,
     free_curve: bool | None = None,
+    decoys: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> Diagnosis:
@@ -73,12 +75,15 @@ def diagnose(
             residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": whether the final model has a free curve
             of what no effect explains. Default: only if the effects were estimated beside one.
+        decoys: whether candidates that cannot be right compete with the real ones: how many of them are
+            accepted tells how often the search would accept an accident.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     measurements, notes = without_still_groups(measurements)
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
         work = _Diagnosis(measurements, progress, should_stop)
+        work.view.decoys = work.fine.decoys = decoys
         result = work.run(apply, guarded, free_curve is not False)
         if apply and free_curve and not why_no_curve(result):
             result = work.with_curve(result)
@@ -167,6 +172,9 @@ class _Diagnosis:
         if end.curves:
             return end
         self.tell(stages.FINE)
+        assert view.reference is not None
+        self.fine.reference = end.fine.likelihood
+        self.fine.explained = np.maximum(gain(view.reference, coarse.likelihood).by_joint, 0.0)
         search = Search(self.fine, trace=self.trace)
         found = search.run(end.fine)
         model = end.coarse
@@ -179,6 +187,7 @@ class _Diagnosis:
         view = self.view
         self.say(stages.OWN_MODEL)
         bare = self.best = view.bare()
+        view.reference = bare.likelihood
         self.standing.own_model(bare.fit)
         if view.at_noise(bare):
             return bare
@@ -304,7 +313,15 @@ class _Diagnosis:
             guard=bandwidths,
             torque_spread=self.measurements.torque_spread,
             trace=tuple(map(self.told, self.trace)),
+            decoys=self.counted_decoys(end),
         )
+
+    def counted_decoys(self, end: _End) -> tuple[int, int] | None:
+        """How many decoys the final model has, and how many competed; None if none did."""
+        if not self.view.decoys:
+            return None
+        accepted = sum(e.effect in DECOYS for e in end.coarse.layout.effects)
+        return accepted, accepted + sum(e.effect in DECOYS for e in self.view.wanted(end.coarse.layout))
 
     def told(self, tried: Tried) -> Move:
         """A move of the search for the result."""

@@ -18,7 +18,7 @@ from flexviz.diagnosis.fit_context import Judged
 from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import DECOYS, EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Layout, OperatingPoint
 from flexviz.estimation import Prior, Projection, ScoredCandidate, Weigh
 from flexviz.measurements import MeasurementSet
@@ -64,11 +64,17 @@ class Resolution(ABC, Generic[AnyFit]):
 
     Attributes:
         tried: number of candidates of the set's own model.
+        decoys: whether candidates that cannot be right compete (`flexviz.effects.DECOYS`).
+        reference: likelihood of the set's own model, or of the one from which the search begins, and what that
+            has explained: shape (n,) [nats].
         floor: shape (n,), largest standard deviation of each joint's residual that noise may explain.
     """
 
     name: ClassVar[str]
     floor: Array
+    decoys: bool = False
+    reference: Likelihood | None = None
+    explained: Array | float = 0.0
 
     def __init__(
         self, measurements: MeasurementSet, own: Layout, say: Callable[[str], None], many: bool
@@ -76,6 +82,18 @@ class Resolution(ABC, Generic[AnyFit]):
         self.measurements, self.own, self.say, self.many = measurements, own, say, many
         self.raw_step = max(s.step for g in measurements.groups for s in g.segments)
         self.tried = len(candidates(own, measurements.groups, many)) + own.n * len(measurements.groups)
+
+    def wanted(self, layout: Layout) -> list[ChosenEffect]:
+        """The effects that a model lacks, and the decoys if they compete."""
+        decoys = [
+            ChosenEffect(name, joint)
+            for name, law in DECOYS.items()
+            if self.decoys and self.own.n >= law.fewest_joints
+            for joint in range(self.own.n)
+        ]
+        have = set(layout.effects)
+        real = candidates(layout, self.measurements.groups, self.many)
+        return [*real, *(d for d in decoys if d not in have)]
 
     def check(self) -> None:
         """Raise if the search is to stop."""
@@ -122,7 +140,17 @@ class Resolution(ABC, Generic[AnyFit]):
         """What a move gains, chosen among so many."""
         new = self.parts(after) - self.parts(before)
         episode = bool(new) and all(map(is_episode, new))
-        return gain(before.likelihood, after.likelihood, tried * self.places(episode), episode)
+        trace = self.trace(before, new) if tried else 0.0
+        return gain(before.likelihood, after.likelihood, tried * self.places(episode), episode, trace)
+
+    def trace(self, model: Model[AnyFit], new: Collection[ChosenEffect]) -> float:
+        """What the laws of a model may leave on the joints of new effects, as none is exact [nats]."""
+        if self.reference is None or not new:
+            return 0.0
+        explained = np.maximum(gain(self.reference, model.likelihood).by_joint, 0.0) + self.explained
+        joints = [e.joint for e in new]
+        most = explained.max() if None in joints else explained[joints].max()
+        return LIMITS.exactness * float(most)
 
     def places(self, episode: bool) -> int:
         """In how many places an effect may act: an episode at many times."""
@@ -151,7 +179,7 @@ class Resolution(ABC, Generic[AnyFit]):
         if self.at_noise(model):
             return []
         fit, like = model.fit, model.likelihood
-        found = self.scores(fit, candidates(fit.layout, self.measurements.groups, self.many))
+        found = self.scores(fit, self.wanted(fit.layout))
         out = []
         for s in found:
             law, joint = EFFECTS[s.effect.effect], s.effect.joint

@@ -1,6 +1,7 @@
 """Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
 from flexviz.effects.curve_forms import CurveForm, curve_points, simple_form
+from flexviz.effects.decoys import DECOYS
 from flexviz.effects.effect import Effect, EffectEvidence, HiddenStart, JointScale
 from flexviz.effects.effect_draft import draft_effect
 from flexviz.effects.families import EFFECT_FAMILIES, family_of
@@ -27,6 +28,7 @@ from flexviz.effects.user_effects import forget_effects, load_effects, loaded_fi
 
 __all__ = [
     "CURVES",
+    "DECOYS",
     "EFFECTS",
     "EFFECT_FAMILIES",
     "EFFECT_NAMES",

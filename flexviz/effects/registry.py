@@ -8,6 +8,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from flexviz.effects.decoys import DECOYS
 from flexviz.effects.effect import Effect
 from flexviz.effects.free_curve import free_curve
 from flexviz.effects.names import EFFECT_NAMES
@@ -35,19 +36,23 @@ def library(names: Sequence[str]) -> dict[str, Effect]:
 
 
 class Registry(dict[str, Effect]):
-    """Physical effects by name. Free curves are found by name, too, but not listed: they are not physics."""
+    """Physical effects by name. Free curves and decoys are found, but not listed: they are not physics."""
 
     def __missing__(self, name: str) -> Effect:
-        curve = free_curve(name)
-        if curve is None:
+        found = _unlisted(name)
+        if found is None:
             raise KeyError(name)
-        return curve
+        return found
 
     def __contains__(self, name: object) -> bool:
         return super().__contains__(name) or free_curve(str(name)) is not None
 
     def get(self, name: str, default: object = None) -> Any:
-        return super().get(name) or free_curve(name) or default
+        return super().get(name) or _unlisted(name) or default
+
+
+def _unlisted(name: str) -> Effect | None:
+    return free_curve(name) or DECOYS.get(name)
 
 
 EFFECTS: dict[str, Effect] = Registry(library(EFFECT_NAMES))
