@@ -111,6 +111,10 @@ def _joint_move(
         return np.zeros(len(data.x))
     rows = np.concatenate([np.arange(where.start, where.stop, dtype=np.intp) for where in places])
     target = np.zeros(len(data.x))
+    # without an effect in proportion to the motor's viscous friction, that friction cannot stand in for it
+    viscous = data.layout.motor_viscous.start
+    beside = [viscous + e.joint for e in effects if EFFECTS[e.effect].relative and e.joint is not None]
+    rows = np.concatenate((rows, np.array(beside, np.intp)))
     for effect, where in zip(effects, places, strict=True):
         sizes = [where.start + k for k in EFFECTS[effect.effect].size_at]
         target[sizes] = -data.x[sizes]

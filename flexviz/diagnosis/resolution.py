@@ -65,8 +65,8 @@ class Resolution(ABC, Generic[AnyFit]):
     Attributes:
         tried: number of candidates of the set's own model.
         decoys: whether candidates that cannot be right compete (`flexviz.effects.DECOYS`).
-        reference: likelihood of the set's own model, or of the one from which the search begins, and what that
-            has explained: shape (n,) [nats].
+        reference: likelihood of the model from which the search begins.
+        explained: shape (n,), what that explains [nats].
         floor: shape (n,), largest standard deviation of each joint's residual that noise may explain.
     """
 
@@ -148,8 +148,8 @@ class Resolution(ABC, Generic[AnyFit]):
         if self.reference is None or not new:
             return 0.0
         explained = np.maximum(gain(self.reference, model.likelihood).by_joint, 0.0) + self.explained
-        joints = [e.joint for e in new]
-        most = explained.max() if None in joints else explained[joints].max()
+        joints = [e.joint for e in new if e.joint is not None]
+        most = explained[joints].max() if len(joints) == len(new) else explained.max()
         return LIMITS.exactness * float(most)
 
     def places(self, episode: bool) -> int:

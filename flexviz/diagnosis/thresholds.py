@@ -15,8 +15,8 @@ from dataclasses import dataclass
 class CriterionThresholds:
     """What a move has to gain, and what a model may leave."""
 
-    false_alarm: float = 1e-3  # probability that anything is found where nothing is missing
-    deviations: float = 2.0  # standard errors by which a gain has to exceed its cost
+    false_alarm: float = 0.05  # probability that anything is found where nothing is missing
+    deviations: float = 1.64  # standard errors by which a gain has to exceed its cost
     stretch: float = 0.5  # [s] of the stretches between which gains scatter
     noise_known: float = 0.02  # relative error of the noise's standard deviation
     exactness: float = 0.003  # of what is explained already, which approximate laws leave as a trace
