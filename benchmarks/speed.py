@@ -14,7 +14,6 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from flexviz._pinocchio import pin
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.estimation.descent import Descent, Reach
-from flexviz.estimation.least_squares import PlainProblem, gauss_newton
+from flexviz.estimation.least_squares import PlainProblem, Solution, gauss_newton, weighted_cost
 from flexviz.estimation.start import Start, start_values
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.observers import CausalEso, make_observer
@@ -101,8 +100,10 @@ def descend_at_fixed_weights(
 ) -> None:
     """The solver's own loop with fixed weights, so that both methods see the same cost."""
     problem = PlainProblem(equation, start.prior)
-    own = problem.start(start.x, equation.at(start.x))
-    begin = problem.at(start.x, replace(own, weights=weights))
+    point = equation.at(start.x)
+    now = point.evaluate(start.x)
+    cost = weighted_cost(now, weights, start.prior, start.x)
+    begin = Solution(start.x, point, now, weights, cost, np.zeros(len(start.x), bool), False)
     reach = Reach(start.bounds, start.prior.feasible, equation.layout.compliance)
     Descent(
         problem, reach, begin, negligible=0.0, halvings=12, watch=lambda now: reached(now.place.cost)

@@ -113,6 +113,7 @@ class Descent(Generic[P]):
         reach: how far a step may go.
         place: the start.
         negligible: length of a step that ends the descent [standard deviations].
+        settled: change of the objective by a step that ends it.
         least: minimum number of steps.
         halvings: tried to find a lower place, without one the descent ends; 0: every step is taken whole.
         accelerated: extrapolate slow steps (`_extrapolated`).
@@ -126,7 +127,8 @@ class Descent(Generic[P]):
         at_bound: shape (P,), parameters that the step from there holds at a bound.
         came, length: of the step that led to the last place, infinite at first, and of the one from there.
         steps: taken in this run.
-        converged: the step from there is negligible.
+        gained: decrease of the objective by the last step, infinite at first.
+        converged: the step from there is negligible or the objective settled.
         ended: `watch` has ended the descent.
         stuck: no place along that step is possible and, if steps are halved, lower.
     """
@@ -142,6 +144,7 @@ class Descent(Generic[P]):
         place: P,
         *,
         negligible: float,
+        settled: float = 0.0,
         least: int = 0,
         halvings: int = 0,
         accelerated: bool = False,
@@ -149,20 +152,22 @@ class Descent(Generic[P]):
         watch: Callable[[Descent[P]], bool | None] = lambda descent: None,
     ) -> None:
         self.problem, self.reach, self.place, self.best = problem, reach, place, place
-        self.negligible, self.least, self.halvings = negligible, least, halvings
+        self.negligible, self.settled, self.least, self.halvings = negligible, settled, least, halvings
         self.accelerated, self.bounded, self.watch = accelerated, bounded, watch
         self.at_bound = np.zeros(len(place.x), bool)
 
     def run(self, iterations: int) -> None:
         """Descend from the last place, by so many steps at most."""
-        self.best, self.came, self.steps, self.stuck = self.place, np.inf, 0, False
+        self.best, self.steps, self.stuck = self.place, 0, False
+        self.came = self.gained = np.inf
         past: list[tuple[Array, Array]] = []  # of each step: where it began and where it led
         while True:
             self.normal = self.problem.normal_equations(self.place)
             x, hessian = self.place.x, self.normal.hessian
             step, self.at_bound = self.bounded(self.normal.gradient, hessian, x, self.reach.bounds)
             self.length = _length(step, hessian)
-            self.converged = self.length < self.negligible and self.steps >= self.least
+            over = self.length < self.negligible or abs(self.gained) < self.settled
+            self.converged = over and self.steps >= self.least
             self.ended = bool(self.watch(self))
             if self.converged or self.ended or self.steps == iterations:
                 break
@@ -171,7 +176,8 @@ class Descent(Generic[P]):
             if there is None:
                 self.stuck = True
                 break
-            self.place, self.came, self.steps = there, self.length, self.steps + 1
+            self.came, self.gained = self.length, self.place.objective - there.objective
+            self.place, self.steps = there, self.steps + 1
             if there.objective < self.best.objective:
                 self.best = there
 
