@@ -23,7 +23,8 @@ from threadpoolctl import threadpool_limits
 
 from flexviz._pinocchio import pin
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
-from flexviz.estimation.least_squares import gauss_newton
+from flexviz.estimation.descent import Descent, Reach
+from flexviz.estimation.least_squares import PlainProblem, Solution, gauss_newton, weighted_cost
 from flexviz.estimation.start import Start, start_values
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.observers import CausalEso, make_observer
@@ -57,12 +58,12 @@ def against_trust_constr(measurements: MeasurementSet, limit: float) -> None:
     begun = time.perf_counter()
     reached: list[float] = []
 
-    def watch(x: np.ndarray, value: float, *_: object) -> None:
+    def watch(value: float) -> bool:
         if value <= target:
             reached.append(time.perf_counter() - begun)
-            raise StopIteration
+        return value <= target
 
-    gauss_newton_fixed(equation, start, weights, watch)
+    descend_at_fixed_weights(equation, start, weights, watch)
     mine = reached.pop()
 
     scale = np.maximum(np.abs(start.x), 1e-2 * np.abs(start.x).max())
@@ -94,27 +95,19 @@ def against_trust_constr(measurements: MeasurementSet, limit: float) -> None:
     print(f"  ratio {'≥ ' if not reached else ''}{other / mine:.0f}{bound}")
 
 
-def gauss_newton_fixed(
-    equation: Equation, start: Start, weights: np.ndarray, watch: Callable[[np.ndarray, float], None]
+def descend_at_fixed_weights(
+    equation: Equation, start: Start, weights: np.ndarray, reached: Callable[[float], bool]
 ) -> None:
     """The solver's own loop with fixed weights, so that both methods see the same cost."""
-    from flexviz.estimation import least_squares as solver
-
-    x = start.x
-    point = equation.at(x)
-    now = point.evaluate(x)
-    cost = solver.weighted_cost(now, weights, start.prior, x)
-    try:
-        for _ in range(60):
-            watch(x, cost)
-            gradient, hessian = solver.normal_equations(now, weights, start.prior, x)
-            step, _ = solver.bounded_step(gradient, hessian, x, start.bounds)
-            accepted = solver.line_search(point, weights, start.prior, start.bounds, x, step, cost)
-            if accepted is None:
-                return
-            x, now, cost = accepted
-    except StopIteration:
-        pass
+    problem = PlainProblem(equation, start.prior)
+    point = equation.at(start.x)
+    now = point.evaluate(start.x)
+    cost = weighted_cost(now, weights, start.prior, start.x)
+    begin = Solution(start.x, point, now, weights, cost, np.zeros(len(start.x), bool), False)
+    reach = Reach(start.bounds, start.prior.feasible, equation.layout.compliance)
+    Descent(
+        problem, reach, begin, negligible=0.0, halvings=12, watch=lambda now: reached(now.place.cost)
+    ).run(60)
 
 
 def against_pinocchio(measurements: MeasurementSet, label: str) -> None:

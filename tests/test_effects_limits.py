@@ -7,8 +7,8 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 from flexviz.equation import Layout
-from flexviz.estimation.instrumental_variables import feasible_step
-from flexviz.estimation.least_squares import Bounds
+from flexviz.estimation import Bounds
+from flexviz.estimation.descent import SHORTEST, Reach
 from flexviz.estimation.prior import Prior, physically_consistent
 from flexviz.estimation.score_test import allowed
 from flexviz.robot import Robot
@@ -67,6 +67,6 @@ def test_a_contact_never_ends_before_it_begins() -> None:
     open_bounds = Bounds(np.full(layout.size, -np.inf), np.full(layout.size, np.inf))
     step = np.zeros(layout.size)
     step[-2:] = 3.0, -1.0
-    reached = feasible_step(prior, open_bounds, x, step)
+    reached = next(Reach(open_bounds, prior.feasible, layout.compliance).along(x, step, SHORTEST))
     assert x[-2] < reached[-2] <= reached[-1] < x[-1]
     assert prior.feasible(reached) and not prior.feasible(x + step) and prior.value(x + step) == np.inf

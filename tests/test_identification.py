@@ -9,9 +9,9 @@ import pytest
 
 from flexviz.equation import Layout
 from flexviz.errors import InputError
+from flexviz.estimation import Bounds, bounded_step, gauss_newton
 from flexviz.estimation.base_inertials import base_parameters
 from flexviz.estimation.covariance import sandwich, score_covariance
-from flexviz.estimation.least_squares import Bounds, bounded_step, gauss_newton
 from flexviz.estimation.noise_propagation import NoiseDerivatives
 from flexviz.estimation.transients import outside_transients
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener

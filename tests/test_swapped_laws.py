@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.motion_fit import FAIR_STEPS, MAX_ITERATIONS, MotionContext, MotionFit
+from flexviz.diagnosis.motion_fit import FAIR_STEPS, MAX_ITERATIONS, MotionFit, MotionProblem
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
@@ -46,14 +46,14 @@ def test_a_law_that_cannot_catch_up_is_given_up_early(demo, monkeypatch):
     """Friction by the load instead of Coulomb friction leaves fifty times as much."""
     fit = fitted(demo, (COULOMB, [3.0]))
     evaluated: list[float] = []
-    weighted = MotionContext._weighted
+    weighted = MotionProblem.at
 
     def counted(*args) -> MotionFit:
         found = weighted(*args)
         evaluated.append(found.objective)
         return found
 
-    monkeypatch.setattr(MotionContext, "_weighted", counted)
+    monkeypatch.setattr(MotionProblem, "at", counted)
     full = demo.swapped(fit, fit, {COULOMB: BY_LOAD})
     patient = len(evaluated)
     assert full.sigma[1] > 20 * fit.sigma[1]

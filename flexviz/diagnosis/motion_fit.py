@@ -20,10 +20,12 @@ from flexviz.diagnosis.motion_samples import Phase, Phases, louder, phases, robu
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
-    Bounds,
     Covariance,
+    Descent,
+    NormalEquations,
     Prior,
     Projection,
+    Reach,
     Start,
     bounded_minimum,
     residual_noise,
@@ -87,13 +89,10 @@ class MotionFit:
     @property
     def whitened(self) -> tuple[Array, Array]:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
-        return self.residual * self.weights, self._jacobian.get(self._evaluate_weighted)
+        return self.residual * self.weights, self._jacobian.get(self._weighted)
 
-    def _evaluate_weighted(self) -> Array:
-        return self._weighted(self.point.evaluate(self.x, moving=True).jacobian)
-
-    def _weighted(self, jacobian: Array) -> Array:
-        """The Jacobian (N, n, P) in units of σ, in place."""
+    def _weighted(self, jacobian: Array | None = None) -> Array:
+        jacobian = self.point.evaluate(self.x, moving=True).jacobian if jacobian is None else jacobian
         jacobian *= self.weights[:, :, None]
         return jacobian
 
@@ -299,53 +298,54 @@ class MotionContext:
             iterations: maximum number of steps.
             check: called before each step; may raise to stop.
         """
-        start, equation = self.start(layout), self.equation(layout)
-        prior, bounds = start.prior, start.bounds
-        x = bounds.clip(x)
-        point, fit, before = None, None, np.inf
-        for iteration in range(iterations + 1):
-            check()
-            point = equation.at(x, point)
-            fit = self._weighted(x, point, prior)
-            gained, before = before - fit.objective, fit.objective
-            settled = abs(gained) < SETTLED
-            residual, jacobian = fit.whitened
-            gradient, hessian = prior.gradient_and_hessian(x)
-            gradient = gradient + jacobian.reshape(-1, layout.size).T @ residual.ravel()
-            hessian = hessian + fit.information
-            step, at_bound = bounded_minimum(gradient, hessian, x, bounds)
-            length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-            fit.at_bound[:] = at_bound
-            if settled or length < NEGLIGIBLE_STEP or iteration == iterations:
-                break
-            after = self._along(fit, step, prior, bounds)
-            if after is None:
-                break
-            x = after
-        assert fit is not None
-        fit.point.context.forget()  # a search keeps many fits
-        return fit
+        start = self.start(layout)
+        problem = MotionProblem(self, self.equation(layout), start.prior, check)
 
-    def _along(self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds) -> Array | None:
-        """The first of x + step, x + step/2, … that lowers the objective; None if none does."""
-        length, compliance = 1.0, fit.layout.compliance
-        for _ in range(MAX_HALVINGS):
-            trial = bounds.clip(fit.x + length * step)
-            trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
-            if prior.feasible(trial):
-                misfit = robust_weights(fit.point.residual(trial), self.noise_floor, self.used)[2]
-                if misfit + 2 * prior.value(trial) < fit.objective:
-                    return trial
-            length *= 0.5
-        return None
+        def watch(descent: Descent[MotionFit]) -> bool:
+            descent.place.at_bound[:] = descent.at_bound
+            return False
 
-    def _weighted(self, x: Array, point: OperatingPoint, prior: Prior) -> MotionFit:
-        """A model with its weights and objective at x, shape (P,)."""
-        evaluation = point.evaluate(x, moving=True)
-        weights, sigma, misfit = robust_weights(evaluation.residual, self.noise_floor, self.used)
-        fit = MotionFit(
-            self, point.layout, x, point, evaluation.residual, evaluation.torque[0].copy(), evaluation.link,
-            weights, sigma, np.zeros(len(x), bool), misfit + 2 * prior.value(x),
+        descent = Descent(
+            problem, Reach(start.bounds, start.prior.feasible, layout.compliance),
+            problem.at(start.bounds.clip(x)), negligible=NEGLIGIBLE_STEP,
+            settled=SETTLED, halvings=MAX_HALVINGS, bounded=bounded_minimum, watch=watch,
         )  # fmt: skip
-        fit._jacobian.get(lambda: fit._weighted(evaluation.jacobian))
+        descent.run(iterations)
+        descent.place.point.context.forget()  # a search keeps many fits
+        return descent.place
+
+
+@dataclass(frozen=True)
+class MotionProblem:
+    """Twice the negative log likelihood of a model in the band of the motion, a `Problem` of `Descent`."""
+
+    context: MotionContext
+    equation: Equation
+    prior: Prior
+    check: Callable[[], None]  # before each fit; may raise to stop
+
+    def at(self, x: Array, before: MotionFit | None = None) -> MotionFit:
+        """The model at x, shape (P,), with its weights and objective."""
+        self.check()
+        context, point = self.context, self.equation.at(x, before and before.point)
+        now = point.evaluate(x, moving=True)
+        weights, sigma, misfit = robust_weights(now.residual, context.noise_floor, context.used)
+        fit = MotionFit(
+            context, point.layout, x, point, now.residual, now.torque[0].copy(), now.link, weights, sigma,
+            np.zeros(len(x), bool), misfit + 2 * self.prior.value(x),
+        )  # fmt: skip
+        fit._jacobian.get(lambda: fit._weighted(now.jacobian))
         return fit
+
+    def lower(self, x: Array, before: MotionFit) -> MotionFit | None:
+        """The same if the objective is lower at the operating point of another."""
+        context = self.context
+        misfit = robust_weights(before.point.residual(x), context.noise_floor, context.used)[2]
+        return self.at(x, before) if misfit + 2 * self.prior.value(x) < before.objective else None
+
+    def normal_equations(self, place: MotionFit) -> NormalEquations:
+        """Of half the objective."""
+        residual, jacobian = place.whitened
+        gradient, hessian = self.prior.gradient_and_hessian(place.x)
+        slope = jacobian.reshape(-1, len(place.x)).T @ residual.ravel()
+        return NormalEquations(gradient + slope, place.information, hessian)

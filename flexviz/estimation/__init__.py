@@ -2,6 +2,7 @@
 
 from flexviz.estimation.base_inertials import BaseParameters, base_parameters
 from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
+from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
 from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
 from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_step, least_norm_solve
@@ -25,12 +26,17 @@ __all__ = [
     "BaseParameters",
     "Bounds",
     "Covariance",
+    "Descent",
     "ModelErrorWhitening",
     "NoiseModel",
     "NoisePath",
+    "NormalEquations",
+    "Place",
     "Point",
     "Prior",
+    "Problem",
     "Projection",
+    "Reach",
     "Refined",
     "ScoredCandidate",
     "Side",

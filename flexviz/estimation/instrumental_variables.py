@@ -10,27 +10,27 @@ the mean contribution of noise that Z and r share (`instrument_bias`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.estimation.covariance import Covariance, sandwich
-from flexviz.estimation.linear_algebra import Bounds, bounded_step
+from flexviz.estimation.descent import Descent, NormalEquations, Reach
+from flexviz.estimation.linear_algebra import Bounds
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
 from flexviz.estimation.weighted_point import (
     EarlyWhitening,
     Point,
-    WeightedNormalEquations,
     Whitening,
     first_model_error,
 )
 
 Array = NDArray[np.float64]
 
-MAX_HALVINGS = 4  # of a step in a damped fit
+MAX_HALVINGS = 5  # lengths of a step that are tried in a damped fit
 PREDICTED = 4.0  # decrease of Σ r² over all further steps, relative to that predicted for the next one
 IMPROVED = 0.997  # factor on the objective, below which a step has improved it
 MAX_MODEL_ERROR_FITS = 8  # fits while the model error is adapted to the residual
@@ -52,7 +52,7 @@ class Solved:
 
     point: Point
     best: Point
-    normal: WeightedNormalEquations
+    normal: NormalEquations
     at_bound: NDArray[np.bool_]
     converged: bool
     hopeless: bool = False
@@ -93,41 +93,52 @@ def solve(
         iterations: maximum number of steps.
         negligible: step length that ends the fit [standard deviations].
         least: minimum number of steps.
-        damped: halve steps that raise the objective. Off by default: Zᵀ W r is not exactly the gradient of
-            the objective, so that steps towards the solution may lead slightly uphill.
+        damped: halve steps that raise the objective, and end if that does not help. Off by default: Zᵀ W r is
+            not exactly the gradient of the objective, so that steps towards the solution may lead slightly
+            uphill.
         beat: objective to reach; the fit ends where its next steps are too short for that.
         patience: steps without a better objective that end a fit far above the noise. There Zᵀ W r = b and
             the minimum of the objective differ, and steps of many standard deviations say nothing.
         check: called before each point; may raise to stop.
         report: called with x, cost and step length of each step; may raise to stop.
     """
-    x = bounds.clip(x)
-    solved, step, halvings = None, np.zeros(len(x)), 0
+    problem = _Instrumental(whitening, prior, check)
     outlook = _Outlook(beat, patience)
-    for iteration in range(iterations + 1):
-        check()
-        point = whitening.point(x)
-        best = point if solved is None or point.objective < solved.best.objective else solved.best
-        uphill = point.objective > best.objective
-        if damped and solved is not None and uphill and halvings < MAX_HALVINGS:
-            halvings += 1
-            step = 0.5 * step
-            x = feasible_step(prior, bounds, best.x, step)
-            solved = Solved(point, best, solved.normal, solved.at_bound, False)
-            continue
-        halvings = 0
-        normal = point.normal_equations(prior)
-        hessian = normal.hessian
-        step, at_bound = bounded_step(normal.gradient, hessian, x, bounds)
-        length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-        report(x, 0.5 * float((point.r**2).sum()), length)
-        solved = Solved(point, best, normal, at_bound, length < negligible and iteration >= least)
-        solved = replace(solved, hopeless=outlook.hopeless(point, best, length))
-        if solved.converged or solved.hopeless or iteration == iterations:
-            break
-        x = feasible_step(prior, bounds, x, step)
-    assert solved is not None
-    return solved
+
+    def watch(descent: Descent[Point]) -> bool:
+        point = descent.place
+        report(point.x, 0.5 * float((point.r**2).sum()), descent.length)
+        return outlook.hopeless(point, descent.best, descent.length)
+
+    descent = Descent(
+        problem, Reach(bounds, prior.feasible, prior.layout.compliance), problem.at(bounds.clip(x)),
+        negligible=negligible, least=least, halvings=MAX_HALVINGS if damped else 0, watch=watch,
+    )  # fmt: skip
+    descent.run(iterations)
+    return Solved(
+        descent.place, descent.best, descent.normal, descent.at_bound, descent.converged, descent.ended
+    )
+
+
+class _Instrumental:
+    """Zᵀ W r = b and the prior, a `Problem` of `Descent`; arguments as in `solve`."""
+
+    def __init__(self, whitening: Whitening, prior: Prior, check: Callable[[], None]) -> None:
+        self._whitening, self._prior, self._check = whitening, prior, check
+
+    def at(self, x: Array, before: Point | None = None) -> Point:
+        """The weighted point at x, shape (P,)."""
+        self._check()
+        return self._whitening.point(x)
+
+    def lower(self, x: Array, before: Point) -> Point | None:
+        """The same unless its objective is higher; at the noise, it is flat."""
+        there = self.at(x)
+        return there if there.objective <= before.objective else None
+
+    def normal_equations(self, place: Point) -> NormalEquations:
+        """With Zᵀ W r − b for the gradient."""
+        return place.normal_equations(self._prior)
 
 
 class _Outlook:
@@ -145,19 +156,6 @@ class _Outlook:
         if impatient and float(point.chi.mean()) > ESTIMATION.far_above_noise:
             return True
         return bool(point.objective_after(PREDICTED * length**2) > self._beat)
-
-
-def feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:
-    """The first physically consistent point of x + step, x + step/2, …; x if there is none."""
-    length = 1.0
-    compliance = prior.layout.compliance
-    for _ in range(30):
-        trial = bounds.clip(x + length * step)
-        trial[compliance] = np.clip(trial[compliance], 0.2 * x[compliance], 5 * x[compliance])
-        if prior.feasible(trial):
-            return trial
-        length *= 0.5
-    return x
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexviz.equation import LinkTerms, OperatingPoint
 from flexviz.estimation.covariance import score_covariance
+from flexviz.estimation.descent import NormalEquations
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
@@ -23,26 +24,6 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 INSTRUMENTS = partial(Recent, "instruments", 2, attrgetter("nbytes"), 2e8)  # of long records one point's
-
-
-@dataclass(frozen=True, eq=False)
-class WeightedNormalEquations:
-    """Normal equations H δx = −g of one Gauss–Newton step.
-
-    Attributes:
-        gradient: shape (P,), g = Zᵀ W r − b + gradient of the prior.
-        information: shape (P, P), Zᵀ W Z.
-        prior_hessian: shape (P, P).
-    """
-
-    gradient: Array
-    information: Array
-    prior_hessian: Array
-
-    @property
-    def hessian(self) -> Array:
-        """H, shape (P, P)."""
-        return self.information + self.prior_hessian
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,11 +158,11 @@ class Point:
                 share[where] = min(chi[effect.joint], 1.0)
         return [share * mean for mean in self.bias]
 
-    def normal_equations(self, prior: Prior) -> WeightedNormalEquations:
+    def normal_equations(self, prior: Prior) -> NormalEquations:
         """Normal equations of the weighted residual and the prior."""
         gradient, prior_hessian = prior.gradient_and_hessian(self.x)
         flat = self.z.reshape(-1, len(self.x))
-        return WeightedNormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
+        return NormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
 
     def score_covariance(self) -> Array:
         """Covariance of the score from the residual's own spectra, shape (P, P)."""

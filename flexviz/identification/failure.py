@@ -35,9 +35,9 @@ class Unrest:
 def unrest_of(solution: Solution, start: Start, layout: Layout) -> Unrest:
     """The remaining step of a fit: its squared length in standard deviations, parameter by parameter."""
     now = solution.evaluation, solution.weights, start.prior, solution.x
-    gradient, hessian = normal_equations(*now)
-    step, _ = bounded_step(gradient, hessian, solution.x, start.bounds)
-    parts = np.maximum(step * (hessian @ step), 0.0)
+    normal = normal_equations(*now)
+    step, _ = bounded_step(normal.gradient, normal.hessian, solution.x, start.bounds)
+    parts = np.maximum(step * (normal.hessian @ step), 0.0)
     names = [joint for _, joint, _ in layout.names()]
     joints = np.array([parts[[name == joint for name in names]].sum() for joint in layout.joints])
     return Unrest(joints / max(float(joints.sum()), 1e-300), parts)
