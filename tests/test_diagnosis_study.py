@@ -13,8 +13,9 @@ import pytest
 from benchmarks.diagnosis_study import document, figures, robots, tables
 from benchmarks.diagnosis_study import statistics as st
 from benchmarks.diagnosis_study.__main__ import main
+from benchmarks.diagnosis_study.answers import same
 from benchmarks.diagnosis_study.cases import TWINS, Case, cases, selected
-from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same
+from benchmarks.diagnosis_study.judging import Judged, Stated, judge
 from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
 from benchmarks.diagnosis_study.oracle import true_model, with_hidden

@@ -23,8 +23,9 @@ from benchmarks.diagnosis_study import calibration, document, figures
 from benchmarks.diagnosis_study.cases import Case, selected
 from benchmarks.diagnosis_study.judging import Judged, judge
 from benchmarks.diagnosis_study.making import is_made, truth_file
-from benchmarks.diagnosis_study.running import known_file, make_all, result_file, run_all, say
+from benchmarks.diagnosis_study.running import known_file, make_all, result_file, run_all
 from benchmarks.diagnosis_study.tables import Outcome
+from benchmarks.kept_results import say
 
 
 def outcomes(work: Path, cases: list[Case], label: str) -> list[Outcome]:

@@ -7,10 +7,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from flexviz.diagnosis.confidence import probability
 
 from benchmarks.diagnosis_study.judging import Judged, Stated
 from benchmarks.logistic import half, logistic
-from flexviz.diagnosis.confidence import probability
 
 SHRINK = 0.02  # of the squared weights: a few hundred findings must not lead to certainty
 SIGNS = (1, 1, -1)  # of the features' weights

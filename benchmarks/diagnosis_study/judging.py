@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from benchmarks.diagnosis_study.cases import TWINS
 from flexviz.diagnosis.confidence import probability
-from flexviz.effects import EFFECTS
 
-Json = dict[str, Any]
-
-DECIDABLE = 300.0  # χ² that a fit that knows the truth gains at least
-JOINTLESS = {name for name, effect in EFFECTS.items() if effect.scope in ("set", "payload")}
-SIGNLESS = {"amplitude"}  # a sign change is a phase of π
-NOTHING, UNKNOWN = "nothing", "unknown"
+from benchmarks.diagnosis_study.answers import (
+    COMPLETE,
+    DECIDABLE,
+    NOTHING,
+    Answer,
+    Json,
+    effect_text,
+    library_effects,
+    read_answer,
+    same,
+    value_errors,
+    value_pairs,
+)
 
 
 @dataclass(frozen=True)
@@ -98,61 +101,29 @@ class Judged:
         return min(self.gains, default=self.gain) >= DECIDABLE
 
 
-def same(found: Json, true: Json) -> bool:
-    """Whether it is the true effect in its place, or a twin that is reported as tied with it."""
-    jointless = true["effect"] in JOINTLESS or found["effect"] in JOINTLESS
-    joint_right = jointless or found.get("joint") == true["joint"]
-    if found["effect"] == true["effect"]:
-        same_payload = found.get("payload") == true["payload"]
-        return joint_right and (same_payload or EFFECTS[true["effect"]].scope != "payload")
-    tied = any(tie["effect"] == true["effect"] for tie in found.get("inseparable_from", []))
-    return tied and joint_right and frozenset((found["effect"], true["effect"])) in TWINS
-
-
 def judge(truth: Json, known: Json, result: Json) -> Judged:
     """One case: its truth, the fit that knows it, and the diagnosis."""
-    hidden = truth["effects"]
-    library = [e for e in hidden if e["effect"] != "unknown"]
     got = result.get("diagnosis")
     if got is None:
         return _judged(truth, known, result, "error", (NOTHING, None), answer=f"error: {result.get('error')}")
-    verdict, steps, candidates = got["verdict"], got.get("steps") or [], got["candidates"]
-    added = [s["added"] for s in steps if s.get("added")]
-    final = steps[-1]["verdict"] if steps else verdict
-    extra = [a for a in added if not any(same(a, t) for t in library) and a["effect"] not in truth["base"]]
-    found = all(any(same(a, t) for a in added) for t in library)
-    first = candidates[0] if candidates and verdict == "missing" else None
-    named = (
-        (first["effect"], first["joint"]) if first else (UNKNOWN if verdict == "unknown" else NOTHING, None)
-    )
-    first_right = first is not None and any(same(first, t) for t in library)
-    if not hidden:
-        right = verdict == "nothing-missing" and not added
-    elif not library:
-        places = got.get("where") or [{}]
-        right = "unknown" in (verdict, final) and places[0].get("joint") == hidden[0]["joint"]
-    else:
-        right = verdict == "missing" and first_right and found and not extra and final == "nothing-missing"
-    words = [verdict, *(_text(a) for a in added)]
-    if final != verdict:
-        words.append(f"then {final}")
-    if "unknown" in (verdict, final) and got.get("where"):
-        words.append("at {joint}, {variable}".format(**got["where"][0]))
+    library, answer = library_effects(truth), read_answer(truth, got)
+    effects = got["model"]["effects"]
     return _judged(
-        truth, known, result, verdict, named,
-        first_right=first_right, all_found=found, extra=tuple(map(_text, extra)), right=right,
-        parameter_errors=_errors(library, got["model"]["effects"]),
-        deviations=_deviations(library, got["model"]["effects"]),
-        base=_base(truth, got["model"]["parameters"]) if final == "nothing-missing" else (),
-        stated=_stated(first, added, result["features"], library),
-        answer=", ".join(words),
+        truth, known, result, answer.verdict, answer.named,
+        first_right=answer.first_right, all_found=all(answer.found),
+        extra=tuple(map(effect_text, answer.extra)), right=answer.right,
+        parameter_errors=value_errors(library, effects),
+        deviations=_deviations(library, effects),
+        base=_base(truth, got["model"]["parameters"]) if answer.final == COMPLETE else (),
+        stated=_stated(answer, result["features"], library),
+        answer=answer.words,
     )  # fmt: skip
 
 
 def _judged(
     truth: Json, known: Json, result: Json, verdict: str, named: tuple[str, str | None], **more: Any
 ) -> Judged:
-    library = [e for e in truth["effects"] if e["effect"] != "unknown"]
+    library = library_effects(truth)
     values: Json = {"first_right": False, "all_found": False, "extra": (), "right": False, "answer": ""}
     values |= {"parameter_errors": {}, "deviations": {}, "base": (), "stated": ()}
     errors, best = result.get("errors"), known.get("errors")
@@ -167,7 +138,7 @@ def _judged(
         gains=tuple(known["gains"]),
         verdict=verdict,
         named=named,
-        knowing_errors=_errors(library, known["effects"]),
+        knowing_errors=value_errors(library, known["effects"]),
         held_out=None
         if not errors or not best
         else float(np.linalg.norm(errors) / np.linalg.norm(best)) - 1.0,
@@ -177,41 +148,18 @@ def _judged(
     )
 
 
-def _stated(
-    first: Json | None, added: list[Json], features: list[list[float]], library: list[Json]
-) -> tuple[Stated, ...]:
+def _stated(answer: Answer, features: list[list[float]], library: list[Json]) -> tuple[Stated, ...]:
     """What was added, in its order; nothing where the first was not named."""
-    if first is None:
+    if answer.first is None:
         return ()
     # older results also hold the margin over the best rival, whose weight is zero
     present = [(gain, share, left) for gain, *_, share, left in features]
-    rows = zip(added, present, strict=True)
+    rows = zip(answer.added, present, strict=True)
     return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
 
 
-def _pairs(library: list[Json], effects: list[Json]) -> Iterator[tuple[str, float, float, float | None]]:
-    """(effect.parameter, true value, found value, its standard error); both sizes where no sign counts."""
-    for true in library:
-        for found in effects:
-            place = ("joint", "payload")
-            if found["effect"] != true["effect"] or any(found.get(k) != true.get(k) for k in place):
-                continue
-            for name, value in true["parameters"].items():
-                entry = found["parameters"].get(name)
-                if entry is None or not value or name == "order":
-                    continue
-                number, std = (entry["value"], entry["std"]) if isinstance(entry, dict) else (entry, None)
-                if name in SIGNLESS:
-                    value, number = abs(value), abs(number)
-                yield f"{true['effect']}.{name}", value, number, std
-
-
-def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:
-    return {key: abs(found / true - 1.0) for key, true, found, _ in _pairs(library, effects)}
-
-
 def _deviations(library: list[Json], effects: list[Json]) -> dict[str, float]:
-    return {key: abs(found - true) / std for key, true, found, std in _pairs(library, effects) if std}
+    return {key: abs(found - true) / std for key, true, found, std in value_pairs(library, effects) if std}
 
 
 def _base(truth: Json, parameters: list[Json]) -> tuple[Estimate, ...]:
@@ -223,8 +171,3 @@ def _base(truth: Json, parameters: list[Json]) -> tuple[Estimate, ...]:
             off = abs(found["value"] - true)
             out.append(Estimate(found["name"], joint, off / true, off / found["std"]))
     return tuple(out)
-
-
-def _text(effect: Json) -> str:
-    place = effect.get("joint") or effect.get("payload")
-    return effect["effect"] + (f":{place}" if place else "")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 import tempfile
 import time
 import traceback
@@ -20,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.diagnosis_study.answers import DECIDABLE
 from benchmarks.diagnosis_study.cases import Case, cases
-from benchmarks.diagnosis_study.judging import DECIDABLE
 from benchmarks.diagnosis_study.making import case_folder, is_made, make, make_twin, truth_file
+from benchmarks.kept_results import say, write
 
 Json = dict[str, Any]
 
@@ -97,19 +97,6 @@ def run_one(work: Path, name: str, label: str) -> str:
         return f"gain {gain:.3g}, {got['error']}"
     added = [s["added"]["effect"] for s in got["diagnosis"]["steps"] if s["added"]]
     return f"gain {gain:.3g}, {got['diagnosis']['verdict']} {' '.join(added)}, {got['wall']:.1f} s"
-
-
-def write(path: Path, document: Json) -> None:
-    """All of it or nothing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".new")
-    temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    temporary.replace(path)
-
-
-def say(text: str) -> None:
-    """A line of progress."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def _diagnosed(work: Path, name: str) -> Json:

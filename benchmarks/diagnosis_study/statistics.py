@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.diagnosis_study.judging import Json, Judged, Stated
+from benchmarks.diagnosis_study.answers import Json
+from benchmarks.diagnosis_study.judging import Judged, Stated
 from benchmarks.diagnosis_study.sizes import SIZES
 from flexviz.effects import EFFECTS
 

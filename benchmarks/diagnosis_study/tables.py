@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 from benchmarks.diagnosis_study import statistics as st
+from benchmarks.diagnosis_study.answers import DECIDABLE, NOTHING, UNKNOWN, Json
 from benchmarks.diagnosis_study.cases import NOISES
-from benchmarks.diagnosis_study.judging import DECIDABLE, NOTHING, UNKNOWN, Json, Judged
+from benchmarks.diagnosis_study.judging import Judged
 from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.sizes import SIZES
 from flexviz.effects import EFFECTS

@@ -18,7 +18,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
 
-from benchmarks.diagnosis_study.running import say
+from benchmarks.kept_results import say
 from benchmarks.robotlike_study.cases import DURATION, SHARES, cases, parse_shares
 from benchmarks.robotlike_study.effects import DRAWS
 from benchmarks.robotlike_study.oracle import compare_all

@@ -12,18 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
+from benchmarks.diagnosis_study.answers import SIGNLESS, Json, held_out_ratio
 from flexviz.effects import free_curve
-
-Json = dict[str, Any]
 
 MUST = 0.03  # share from which on an effect must be found
 TWINS = {
     frozenset(("coulomb_friction", "link_coulomb_friction")),
     frozenset(("torque_offset", "cable_spring")),
 }
-SIGNLESS = {"amplitude"}  # a sign change is a phase of π
 UNKNOWN, NOTHING = "unknown", "nothing-missing"
 
 
@@ -145,7 +142,7 @@ def score(truth: Json, result: Json) -> Scored:
         laws=tuple(e.get("kind", UNKNOWN) for e in laws),
         additions=tuple(a for a in additions if free_curve(a.effect) is None or a.joint not in curved),
         last=steps[-1].get("verdict") if steps else got.get("verdict"),
-        held_out=_held_out(steps),
+        held_out=held_out_ratio(steps),
         parameter_errors=tuple(_parameter_errors(library, final)),
         wall=result.get("wall", float("nan")),
         cpu=result.get("cpu", float("nan")),
@@ -174,13 +171,6 @@ def _additions(library: list[Json], places: set[str], got: Json, final: list[Jso
 
 def _place(effect: Json) -> tuple[str, str | None, str | None, str | None]:
     return effect["effect"], effect.get("joint"), effect.get("group"), effect.get("payload")
-
-
-def _held_out(steps: list[Json]) -> float | None:
-    if not steps or not steps[-1].get("rms_validation") or not steps[0].get("rms_validation"):
-        return None
-    first, last = (sum(x**2 for x in step["rms_validation"]) ** 0.5 for step in (steps[0], steps[-1]))
-    return last / max(first, 1e-12)
 
 
 def _parameter_errors(library: list[Json], final: list[Json]) -> Iterator[tuple[str, float]]:

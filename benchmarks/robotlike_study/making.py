@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.diagnosis_study.making import UNSCORED, case_folder, truth_file
-from benchmarks.diagnosis_study.running import write
+from benchmarks.kept_results import write
 from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.effects import draw_also, draw_effects
 from benchmarks.robotlike_study.laws import draw_laws
@@ -18,6 +19,8 @@ from benchmarks.robotlike_study.robots import random_plan
 from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
 from flexviz.measurements import GroupTable, write_set
 from flexviz.simulation import Plan, Run, fastest, make_plant, move, record
+
+Logging = Callable[[Run], Run]
 
 LARGEST_PHASE = 0.9  # [rad] of the fastest vibration per integration step; a third of it moves θ by 1e-9 rad
 LARGEST_DECAY = 1.6  # [-] integration step times the fastest decay rate
@@ -31,12 +34,28 @@ def is_made(work: Path, case: RobotCase) -> bool:
 def make(work: Path, case: RobotCase) -> None:
     """Simulate a case and write it."""
     plan, kinds = plan_of(case)
+    write_case(work, case, plan, kinds)
+
+
+def write_case(
+    work: Path, case: RobotCase, plan: Plan, kinds: tuple[str, ...] = (), logged: Logging | None = None
+) -> None:
+    """Simulate a plan and write it as a case: its set, then its truth.
+
+    Args:
+        work: folder of the study.
+        case: gives the name and the noise.
+        plan: with everything hidden in it.
+        kinds: of its laws that no library has.
+        logged: what becomes of the sensors' signals before they are written; nothing by default.
+    """
     seed = int(case.rng("noise").integers(2**31))
     moved = move(plan, seed)
     recorded = record(plan, moved, seed)
+    written = {name: logged(run) for name, run in recorded.items()} if logged else recorded
     tables = [
-        GroupTable(g.name, g.trajectory, g.payload, recorded[g.name].time, recorded[g.name].theta,
-                   recorded[g.name].tau, validation=g.validation)
+        GroupTable(g.name, g.trajectory, g.payload, written[g.name].time, written[g.name].theta,
+                   written[g.name].tau, validation=g.validation)
         for g in plan.groups
     ]  # fmt: skip
     write_set(

@@ -20,7 +20,8 @@ def effect_torque(plan: Plan, group: PlannedGroup, run: Run, effect: EffectValue
     """(N,) torque of one effect of the library along a motion without sensor noise [Nm].
 
     Motor and link effects: the law's torque. Effects in the joint: the change of the torque that the link
-    needs, as with the same motor motion the link moves differently.
+    needs, as with the same motor motion the link moves differently. A wrong torque scale: what is recorded
+    less than what acts.
     """
     payload = plan.payloads[group.payload]
     alone = replace(plan.model, effects=(effect,))
@@ -31,6 +32,8 @@ def effect_torque(plan: Plan, group: PlannedGroup, run: Run, effect: EffectValue
         x[:, i].tolist() for x in (run.theta, run.theta_velocity, run.q, run.q_velocity, run.tau_joint)
     )
     time = run.time.tolist()
+    if effect.effect == "torque_gain":
+        return -effect.parameters["gain_error"] * run.tau[:, i]
     if plant.motor_laws:
         law = plant.motor_laws[0][1]
         return np.array([law(*row) for row in zip(time, theta, speed, load, strict=True)])

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import credible
-from flexviz.diagnosis.criterion import Likelihood, Residuals, gain, half_seconds, likelihood
+from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.model_family import ModelFamily
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
+from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.resolution import LIMITS, Model, Resolution, Scoring, without
 from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -179,6 +182,50 @@ class Coarse(Resolution[MotionFit]):
         afresh[layout.effect_start :] = x[layout.effect_start :]
         best = min((self.fit(layout, at, FIRST_LOOK) for at in (x, afresh)), key=lambda m: m.fit.objective)
         return self.fit(layout, best.fit.x) if best.fit.objective < fit.objective else best
+
+    def with_first_movements(self, model: CoarseModel) -> CoarseModel:
+        """The model with effects of the first movement after a standstill, which then counts.
+
+        What happens a few times in a record is an outlier to the search: here those movements alone count,
+        in units of what the model leaves in motion.
+        """
+        context, before = self.context, self.context.first_phase
+        if not np.any(before == Phase.MOTION):
+            return model
+        context.first_phase = np.minimum(before, np.int8(Phase.START))
+        there = self.fit(model.layout, model.fit.x, iterations=0)
+        wanted = candidates(there.layout, self.measurements.groups, self.many)
+        starts = [
+            e for e in wanted if EFFECTS[e.effect].after_rest and before[e.place.own_joint] == Phase.MOTION
+        ]
+        scored = self.scores(there.fit, starts, episodes=False)
+        larger = self.model(self.family.with_candidates(there.fit, scored))
+        gains = [self.gain_in_start(there, larger, s.effect.place.own_joint) for s in scored]
+        kept = [
+            s
+            for s, found in zip(scored, gains, strict=True)
+            if found.accepted and credible(larger.fit, s.effect, self.raw_step)
+        ]
+        joints = [s.effect.place.own_joint for s in kept]
+        context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
+        return self.model(self.family.with_candidates(there.fit, kept)) if kept else model
+
+    def gain_in_start(self, before: CoarseModel, after: CoarseModel, joint: int) -> Gain:
+        """What a larger model gains in the first movements of a joint, in units of what is left in motion."""
+        sigma = np.full(self.own.n, np.inf)
+        sigma[joint] = before.likelihood.deviation[joint]
+
+        def like(model: CoarseModel) -> Likelihood:
+            parts = self.residuals(model.fit)
+            phases = [self.context.phases, self.context.judged_phases][: len(parts)]
+            only = [
+                replace(p, used=p.used & (phase == Phase.START))
+                for p, phase in zip(parts, phases, strict=True)
+            ]
+            extra = 2 * (model is after)
+            return likelihood(only, sigma, 0.0, extra, np.inf, before.likelihood.times, fixed=True)
+
+        return gain(like(before), like(after), self.tried, episode=True)
 
     def unknowns(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
         """A free curve on a joint with a significant model error, the largest first."""

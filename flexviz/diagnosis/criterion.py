@@ -75,6 +75,7 @@ def likelihood(
     freedom: int,
     outlier: float = np.inf,
     times: Array | None = None,
+    fixed: bool = False,
 ) -> Likelihood:
     """Likelihood of a model from its residuals.
 
@@ -85,15 +86,15 @@ def likelihood(
         freedom: number of parameters of the effects.
         outlier: standard deviations from which a residual counts linearly (Huber).
         times: shape (n,), correlation times if they are known.
+        fixed: the standard deviation is the floor, whatever the residuals are.
     """
     count = np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
-    sigma = _deviation(parts, count, outlier)
-    sigma = np.maximum(sigma, floor)
+    sigma = floor if fixed else np.maximum(_deviation(parts, count, outlier), floor)
     losses, held_out = [], []
     for k, part in enumerate(parts):
         ratio = np.abs(part.values) / sigma
         each = np.where(ratio < outlier, 0.5 * ratio**2, outlier * (ratio - 0.5 * min(outlier, 1e150)))
-        each = (each + np.log(sigma)) * part.used
+        each = (each + (0.0 if fixed else np.log(sigma))) * part.used
         sums = np.add.reduceat(each, [s.start for s in part.stretches], axis=0)
         losses.append(sums)
         held_out += [k > 0] * len(part.stretches)
@@ -167,12 +168,13 @@ class Gain:
         return "held-out groups are described less well" if self.harmed else ""
 
 
-def gain(before: Likelihood, after: Likelihood, tried: int = 1, episode: bool = False) -> Gain:
+def gain(before: Likelihood, after: Likelihood, tried: int = 0, episode: bool = False) -> Gain:
     """What a move from one model to another gains.
 
     Args:
         before, after: likelihoods of the models, over the same stretches.
-        tried: candidates among which the move was chosen; the best of many gains something by chance.
+        tried: candidates among which the move was chosen; the best of many gains something by chance. None
+            are tried where a part of the model is exchanged for a rival.
         episode: the models differ by what happens once, so that no other stretch can confirm it: the standard
             error is that of a log likelihood ratio within its own stretch.
     """
@@ -185,8 +187,8 @@ def gain(before: Likelihood, after: Likelihood, tried: int = 1, episode: bool = 
     each = falls.sum(axis=1)
     error = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 2 else np.inf
     more = after.freedom - before.freedom
-    cost = 2 * np.log(max(tried, 1)) * np.sign(more) + 0.5 * more * np.log(max(better.samples, 2.0))
-    delta = float(each.sum()) + before.other - after.other - float(cost)
+    size = 0.5 * more * float(np.log(max(better.samples, 2.0)))
+    delta = float(each.sum()) + before.other - after.other - size - float(np.sign(more)) * chance(tried)
     if episode:
         error = float(np.sqrt(2 * max(delta, 0.0)))
     held, harmed = each[before.held_out], False
@@ -194,6 +196,11 @@ def gain(before: Likelihood, after: Likelihood, tried: int = 1, episode: bool = 
         scatter = float(np.sqrt(len(held)) * held.std(ddof=1))
         harmed = bool(held.sum() < -LIMITS.deviations * scatter)
     return Gain(delta, error, by_joint, errors, harmed)
+
+
+def chance(tried: int) -> float:
+    """What the best of so many candidates has to gain, so that noise alone hardly ever does [nats]."""
+    return float(np.log(max(tried, 1) / LIMITS.false_alarm)) if tried else 0.0
 
 
 def half_seconds(blocks: Sequence[Block]) -> list[slice]:

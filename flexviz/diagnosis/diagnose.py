@@ -21,7 +21,6 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.model_family import without_curves
 from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.notes import notes, standstill_text
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis, Finding, Move
@@ -31,7 +30,7 @@ from flexviz.diagnosis.still_groups import without_still_groups
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -188,28 +187,7 @@ class _Diagnosis:
         if view.context.set_standstill_apart(rich.fit):
             rich = view.rich()
         search = Search(view, self.made, self.trace)
-        return view.with_rest_angles(self.with_first_movements(search, search.run(rich)))
-
-    def with_first_movements(self, search: Search[CoarseModel], model: CoarseModel) -> CoarseModel:
-        """The model with effects that describe the first movement after a standstill that was left out.
-
-        Where they describe it, it counts from then on.
-        """
-        context, before = self.view.context, self.view.context.first_phase
-        if not np.any(before == Phase.MOTION):
-            return model
-        context.first_phase = np.minimum(before, np.int8(Phase.START))
-        there = self.view.fit(model.layout, model.fit.x)
-        found = search.run(there, inner=True)
-        new = self.view.parts(found) - self.view.parts(there)
-        starts = [e.place.own_joint for e in new if EFFECTS[e.effect].after_rest]
-        kept = np.isin(np.arange(self.own.n), starts)
-        context.first_phase = np.where(kept, context.first_phase, before)
-        return (
-            self.view.fit(found.layout, found.fit.x)
-            if kept.any()
-            else self.view.fit(model.layout, model.fit.x)
-        )
+        return view.with_first_movements(view.with_rest_angles(search.run(rich)))
 
     def made(self, model: CoarseModel) -> None:
         """A model is accepted."""
@@ -251,7 +229,10 @@ class _Diagnosis:
         final = self.final(end, curves)
         model = end.coarse
         stairs = staircase(view, model, final, self.band)
-        found = findings(view, model, stairs, self.band, self.rivals())
+        gains = (
+            self.fine.gains(end.fine) if end.resolution == "fine" and not end.curves else view.gains(model)
+        )
+        found = findings(view, model, gains, stairs, self.band, self.rivals())
         if not curves:
             found = [one for one in found if not one.stopgap]
         shown, verdict = (

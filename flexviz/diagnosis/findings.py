@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import Gain, confidence
-from flexviz.diagnosis.elimination import by_weight, eliminate
+from flexviz.diagnosis.elimination import by_weight
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Family, Finding, Step, Tie
@@ -78,12 +78,20 @@ def staircase(view: Coarse, model: CoarseModel, last: Stair, band: PredictionErr
 def findings(
     view: Coarse,
     model: CoarseModel,
+    gains: Mapping[ChosenEffect, Gain],
     stairs: Sequence[Stair],
     band: PredictionErrorBand,
     rivals: Mapping[ChosenEffect, Sequence[str]],
 ) -> list[Finding]:
-    """One finding per added effect, in the order of the staircase; `rivals`: laws that fit as well."""
-    gains = eliminate(view.linearised(model), lambda layout: layout.effects, (), view.tried).kept
+    """One finding per added effect, in the order of the staircase.
+
+    Args:
+        view, model: the final model at the coarse resolution.
+        gains: what each of its effects gains, at the resolution that decided.
+        stairs: the staircase.
+        band: in which errors are stated.
+        rivals: effects → laws that fit as well.
+    """
     doubtful, last = view.significant(model), stairs[-1]
     found = []
     for before, after in pairwise(stairs):

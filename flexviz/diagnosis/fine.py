@@ -154,7 +154,7 @@ class Fine(Resolution[Fit]):
         for s in [*rivals, *(s for s in hidden if s not in rivals)]:
             at = with_effect(there.layout, there.fit.x, s.effect, s.values)
             found = self.fit(at.layout, at.x, FULL, model.fit)
-            if credible(found.fit, s.effect, self.raw_step) and self.gain(best, found, 1).accepted:
+            if credible(found.fit, s.effect, self.raw_step) and self.gain(best, found, 0).accepted:
                 best = found
         return best
 

@@ -228,18 +228,19 @@ class MotionContext:
         )
 
     @cached_property
-    def _phases(self) -> Phases:
+    def phases(self) -> Phases:
+        """Of the fit groups, shape (N, n)."""
         return phases(self.signals)
 
     @cached_property
     def judged_phases(self) -> Phases:
         """Of `judged_signals`, shape (N, n)."""
-        return self._phases if self._held is None else phases(self._held)
+        return self.phases if self._held is None else phases(self._held)
 
     @property
     def used(self) -> NDArray[np.bool_]:
         """Samples of the fit groups that count, shape (N, n)."""
-        return self._phases >= self.first_phase
+        return self.phases >= self.first_phase
 
     @property
     def judged_used(self) -> NDArray[np.bool_]:
@@ -270,8 +271,8 @@ class MotionContext:
 
         Only samples that count.
         """
-        moving = self._phases == Phase.MOTION
-        return louder(fit.residual, ~moving & (self._phases >= self.first_phase), moving, self.noise_floor)
+        moving = self.phases == Phase.MOTION
+        return louder(fit.residual, ~moving & (self.phases >= self.first_phase), moving, self.noise_floor)
 
     @property
     def judged_signals(self) -> Signals:

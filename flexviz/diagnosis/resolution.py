@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.candidates import candidates, is_episode
-from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain
+from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, chance, gain
 from flexviz.diagnosis.elimination import Linearised, eliminate
 from flexviz.diagnosis.fit_context import Judged
 from flexviz.diagnosis.scoring import score_by_joint
@@ -104,7 +104,7 @@ class Resolution(ABC, Generic[AnyFit]):
         """Feasible start of a smaller model on the way to x, shape (P,)."""
 
     def judged(self, like: Likelihood, prior: Prior, x: Array) -> Likelihood:
-        """A likelihood in which scaled torques count like the samples that they scale: as independent ones."""
+        """A likelihood in which torques are scaled as often as there are independent samples."""
         other = like.other
         for k, count in prior.scales:
             where = next(e for e, at in prior.layout.effect_slices() if at.start <= k < at.stop)
@@ -130,7 +130,7 @@ class Resolution(ABC, Generic[AnyFit]):
 
     def least(self) -> float:
         """What the move of an effect costs at least [nats]."""
-        return 2 * float(np.log(self.tried))
+        return chance(self.tried)
 
     def promising(self, before: Model[AnyFit], after: Model[AnyFit]) -> bool:
         """Whether a model that is not pruned yet describes the data better at all."""
@@ -159,7 +159,7 @@ class Resolution(ABC, Generic[AnyFit]):
                 continue
             time = like.times.min() if joint is None else like.times[joint]
             tried = len(found) * self.places(is_episode(s.effect))
-            cost = 2 * np.log(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
+            cost = chance(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
             promise = EFFORT.reach * 0.5 * s.gain / time - cost
             out.append(Candidate(s.effect, self.rivalry(s.effect), float(promise), s))
         return out
@@ -189,6 +189,10 @@ class Resolution(ABC, Generic[AnyFit]):
         """Effects that are not dropped: the set's own ones, and those beside which others are defined."""
         needed = {(EFFECTS[e.effect].beside, e.joint) for e in layout.effects}
         return {*self.own.effects, *(e for e in layout.effects if (e.effect, e.joint) in needed)}
+
+    def gains(self, model: Model[AnyFit]) -> dict[ChosenEffect, Gain]:
+        """What each effect gains beside the others."""
+        return eliminate(self.linearised(model), lambda layout: layout.effects, (), self.tried).kept
 
     def pruned(self, model: Model[AnyFit]) -> Model[AnyFit]:
         """The model without the effects that it does not need."""

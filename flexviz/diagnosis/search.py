@@ -154,7 +154,7 @@ class Search(Generic[Model]):
         """The model with a part exchanged for a rival; None if no exchange is accepted."""
         for swap in self.problem.swaps(model):
             other = swap(model)
-            if self.accepted("swap", model, other, 1):
+            if self.accepted("swap", model, other, 0):
                 return other
         return None
 

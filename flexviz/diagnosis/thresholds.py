@@ -15,9 +15,10 @@ from dataclasses import dataclass
 class CriterionThresholds:
     """What a move has to gain, and what a model may leave."""
 
+    false_alarm: float = 1e-6  # probability that anything is found where nothing is missing
     deviations: float = 2.0  # standard errors by which a gain has to exceed its cost
     stretch: float = 0.5  # [s] of the stretches between which gains scatter
-    noise_known: float = 0.05  # relative error of the noise's standard deviation
+    noise_known: float = 0.02  # relative error of the noise's standard deviation
     tolerance: float = 5e-4  # of a joint's torque spread: no model is more exact
     unknown_share: float = 0.02  # of a joint's torque spread: a model error above is one of the model
     outlier: float = 2.5  # [standard deviations] from which a residual counts linearly

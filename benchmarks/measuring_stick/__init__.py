@@ -1,0 +1,1 @@
+"""One command that scores `flexviz diagnose` on every kind of set, for one version or two side by side."""
