@@ -173,7 +173,7 @@ def main(arguments: Sequence[str]) -> None:
     for folder in parser.parse_args(arguments).folders:
         folders = sets_in(folder)
         if not folders:
-            print(f"{folder}: skipped, no measurement set here; docs/diagnosing.md names the recordings")
+            print(f"{folder}: skipped, no measurement set here; docs/how-good-is-it.md names the recordings")
         for one in folders:
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
                 rows.append(pool.submit(examine, one).result())

@@ -2,7 +2,7 @@
 
     make     simulate the cases that are not in DIR yet
     run      diagnose those without a result, and fit them with the truth known
-    table    print the tables; --write puts them into docs/diagnosis-study.md
+    table    print the tables; --write puts them into benchmarks/results/diagnosis-study.md
     all      the three
     calibrate  print weights of the confidence, and how those of either half of the cases do on the other
 
@@ -77,7 +77,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", default="", metavar="TEXT", help="cases with TEXT in their names")
     parser.add_argument("--of-each", type=int, metavar="N", help="at most N cases of every kind and robot")
     parser.add_argument("--label", default="results", help="folder in DIR for the results of this version")
-    parser.add_argument("--write", action="store_true", help="renew docs/diagnosis-study.md")
+    parser.add_argument("--write", action="store_true", help="renew benchmarks/results/diagnosis-study.md")
     options = parser.parse_args(arguments)
     cases = selected(options.seed, options.only, options.of_each)
     try:

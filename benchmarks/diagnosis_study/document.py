@@ -1,4 +1,4 @@
-"""docs/diagnosis-study.md: a frame of fixed text and the tables that the command writes into it."""
+"""benchmarks/results/diagnosis-study.md: fixed text and the tables that the command writes into it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.diagnosis_study import figures, tables
 from benchmarks.diagnosis_study.tables import Outcome, Table
 from benchmarks.paper_study.tables import markdown, plain
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnosis-study.md"
+PAGE = Path(__file__).resolve().parents[1] / "results" / "diagnosis-study.md"
 HEAD, TAIL = "<!-- begin table -->", "<!-- end table -->"
 
 FRAME = f"""\
