@@ -86,7 +86,7 @@ def test_json_is_the_contract(demo_fit):
     ) not in names
     assert all(p["identifiable"] in ("yes", "weak", "no") for p in document["parameters"])
     residual = document["residual"]
-    assert set(residual) == {"joints", "rms", "rms_validation", "noise_floor", "torque_spread"}
+    assert set(residual) == {"joints", "rms", "rms_validation", "noise_floor", "torque_spread", "noise_share"}
     assert all(rms < spread for rms, spread in zip(residual["rms"], residual["torque_spread"], strict=True))
 
 

@@ -79,6 +79,7 @@ class ResidualSummary:
         rms_validation: over the validation groups; None without any.
         noise_floor: rms due to measurement noise alone.
         torque_spread: standard deviation of the recorded torque over all groups; empty if unknown.
+        noise_share: share of the noise in each joint's torque, in the band of the fit; empty if unknown.
     """
 
     joints: tuple[str, ...]
@@ -86,6 +87,7 @@ class ResidualSummary:
     rms_validation: tuple[float, ...] | None
     noise_floor: tuple[float, ...]
     torque_spread: tuple[float, ...] = ()
+    noise_share: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,19 +82,23 @@ class ObserverEntry(ResultEntry):
 
 
 class ResidualEntry(ResultEntry):
-    """Residual per joint [Nm], unweighted, and the standard deviation of the recorded torque."""
+    """Residual per joint [Nm], unweighted, and the standard deviation of the recorded torque.
+
+    `noise_share` is the share of the noise in the torque, in the band of the fit; 1: nothing but noise.
+    """
 
     joints: list[str]
     rms: list[Number]
     rms_validation: list[Number] | None
     noise_floor: list[Number]
     torque_spread: list[Number] = Field(default_factory=list)
+    noise_share: list[Number] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _per_joint(self) -> Self:
         lists = {"rms": self.rms, "rms_validation": self.rms_validation, "noise_floor": self.noise_floor}
-        spread = self.torque_spread or None
-        check_lengths(len(self.joints), "one per joint", **lists, torque_spread=spread)
+        known = {"torque_spread": self.torque_spread or None, "noise_share": self.noise_share or None}
+        check_lengths(len(self.joints), "one per joint", **lists, **known)
         return self
 
 
