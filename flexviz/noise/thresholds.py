@@ -26,6 +26,13 @@ class NoiseThresholds:
     held_steps: float = 10.0  # and the steps differ: an encoder at slow speed moves by single counts
     outlier: float = 10.0  # times the median difference from which one is no noise
 
+    # Filtered logs
+    first_order: float = 2.5  # by which the level falls from 0.07 to 0.27 times the rate behind a first-order
+    falling: float = 1.7  # filter (3.2 far above its cut-off); single joints of such a log fall by this
+    above_stop_band: float = 10.0  # times the level at a quarter of the rate that counts as content
+    torque_content: float = 256.0  # times the finest resolution that counts as content: 2^-10 of the range
+    position_content: float = 4.0  # the same of a position: a count of an encoder with 2^22 counts a turn
+
     # Jumps of a position: within one sample, by more than all of
     jump: float = 0.01  # [rad], [m] which no sensor errs by and a motor's turn behind a gear of 600 exceeds
     jump_speed: float = 2.0  # times the joint's speed limit
