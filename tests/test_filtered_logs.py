@@ -8,43 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, lfilter_zi, sosfiltfilt
 
+from benchmarks.signal_checks import FILTERS, Low, butterworth, low_passed, main
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.noise import filtered_before_writing
+from flexviz.resources import sessions_dir
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 SIMULATED = [*(SHARED / "practice" / "cases").glob("*"), *(SHARED / "robotlike" / "cases").glob("*")]
 RATE = 500.0  # [Hz]
 Array = np.ndarray
-Filter = Callable[[Array, float, float], Array]
-
-
-def butterworth(y: Array, rate: float, hertz: float) -> Array:
-    return sosfiltfilt(butter(4, hertz, fs=rate, output="sos"), y, axis=0)
-
-
-def second_order(y: Array, rate: float, hertz: float) -> Array:
-    """Causal."""
-    b, a = butter(2, hertz, fs=rate)
-    return lfilter(b, a, y, axis=0, zi=lfilter_zi(b, a)[:, None] * y[:1])[0]
-
-
-def smoothed_twice(y: Array, rate: float, hertz: float) -> Array:
-    """y ← y + a (x − y), twice: nearly flat in the last octave."""
-    a = -np.expm1(-2 * np.pi * hertz / rate)
-    for _ in range(2):
-        y = lfilter([a], [1, a - 1], y, axis=0, zi=(1 - a) * y[:1])[0]
-    return y
-
-
-def moving_average(y: Array, rate: float, hertz: float) -> Array:
-    count = round(0.443 * rate / hertz)
-    total = np.cumsum(np.concatenate([np.repeat(y[:1], count, axis=0), y]), axis=0)
-    return (total[count:] - total[:-count]) / count
-
-
-FILTERS: list[Filter] = [butterworth, second_order, smoothed_twice, moving_average]
 
 
 def log(seed: int = 0, noise: float = 5e-3) -> list[Segment]:
@@ -72,17 +45,16 @@ def all_segments(measurements: MeasurementSet) -> list[Segment]:
 
 @pytest.mark.parametrize("hertz", [5.0, 10.0, 20.0])
 @pytest.mark.parametrize("low_pass", FILTERS, ids=lambda f: f.__name__)
-def test_a_filtered_log_is_recognised_with_what_is_left(low_pass: Filter, hertz: float) -> None:
-    found = filtered_before_writing(changed(log(), lambda y: low_pass(y, RATE, hertz)))
+def test_a_filtered_log_is_recognised_with_what_is_left(low_pass: Low, hertz: float) -> None:
+    found = filtered_before_writing(low_passed(log(), low_pass, hertz))
     assert np.isfinite(found.theta).all() and np.isfinite(found.tau).all()
     assert found.hertz is not None and 0.8 * hertz < found.hertz < 12 * hertz
     assert found.text.startswith("this log was filtered before it was written (nothing above about ")
 
 
 @pytest.mark.parametrize("low_pass", FILTERS, ids=lambda f: f.__name__)
-def test_a_filtered_simulation_is_recognised(demo: MeasurementSet, low_pass: Filter) -> None:
-    segments = all_segments(demo)
-    found = filtered_before_writing(changed(segments, lambda y: low_pass(y, 1 / segments[0].step, 10.0)))
+def test_a_filtered_simulation_is_recognised(demo: MeasurementSet, low_pass: Low) -> None:
+    found = filtered_before_writing(low_passed(all_segments(demo), low_pass, 10.0))
     assert found.hertz is not None and np.isfinite(found.theta).all()
 
 
@@ -121,3 +93,10 @@ def test_no_simulated_set_was_filtered() -> None:
     for folder in SIMULATED:
         found = filtered_before_writing(all_segments(read_set(folder, logged=False)))
         assert np.isnan(found.theta).all() and np.isnan(found.tau).all(), folder.name
+
+
+def test_the_benchmark_prints_a_line_per_set_and_counts(capsys: pytest.CaptureFixture[str]) -> None:
+    main([str(sessions_dir()), "--filter"])
+    printed = capsys.readouterr().out
+    assert "planar-2r-demo: noise at most 0.0" in printed and "; not filtered; " in printed
+    assert "0 of 1 sets refused" in printed and "12 of 12 filtered copies recognised" in printed
