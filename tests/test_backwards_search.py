@@ -11,16 +11,16 @@ from typing import cast
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.many_effects import ManyEffects
+from flexviz.diagnosis.rich_result import verdict_on
+from flexviz.diagnosis.rich_search import RichSearch
 
 from flexviz.diagnosis import diagnose, elimination, many_effects, model_family, what_is_left
 from flexviz.diagnosis.elimination import Elimination, Necessity, eliminate, necessities
-from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.rich_result import verdict_on
-from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect

@@ -7,13 +7,13 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.conclusion import Conclusion
+from flexviz.diagnosis.constancy import ChangingSize, changing_size
+from flexviz.diagnosis.own_start import OwnStart
 
 from flexviz.diagnosis import Diagnosis, constancy, diagnose, forward_search
 from flexviz.diagnosis.acceptance import Gained, exhausted, held_to_be_zero, verdict
-from flexviz.diagnosis.conclusion import Conclusion
-from flexviz.diagnosis.constancy import ChangingSize, changing_size
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.own_start import OwnStart
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.equation import Layout, layout_of
 from flexviz.estimation import Covariance

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.many_effects import ManyEffects
 
 from flexviz import diagnose, identify
 from flexviz.batch.rows import fleet_row
 from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
 from flexviz.diagnosis import Diagnosis, why_no_curve
-from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.so_far import Standing

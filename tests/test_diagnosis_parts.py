@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.acceptance import Gained, credible, excess, needed_gain, verdict
-from flexviz.diagnosis.candidates import with_effect, without_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep
 from flexviz.diagnosis.confidence import features, probability
-from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.evidence import telling_motion
-from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.free_curve_test import best_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.rich_search import RichSearch
+
+from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.acceptance import Gained, credible, excess, needed_gain, verdict
+from flexviz.diagnosis.candidates import with_effect, without_effect
+from flexviz.diagnosis.elimination import Necessity
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect

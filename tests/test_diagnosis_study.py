@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.confidence import probability
 
 from benchmarks.diagnosis_study import document, figures, robots, tables
 from benchmarks.diagnosis_study import statistics as st
@@ -21,7 +22,6 @@ from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_
 from benchmarks.diagnosis_study.oracle import true_model, with_hidden
 from benchmarks.diagnosis_study.running import final_model
 from benchmarks.diagnosis_study.sizes import SIZES
-from flexviz.diagnosis.confidence import probability
 from flexviz.effects import EFFECTS, ChosenEffect, JointState
 from flexviz.equation import Layout
 from flexviz.measurements import read_set

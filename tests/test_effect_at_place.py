@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.comparison import SearchStep
+from flexviz.diagnosis.effect_at_place import effects_at_place
+from flexviz.diagnosis.pipeline import Interrupted
+from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 
 from flexviz.diagnosis import effect_at_place, forward_search
 from flexviz.diagnosis.acceptance import Gained, excess
 from flexviz.diagnosis.candidates import ModelStart
-from flexviz.diagnosis.comparison import SearchStep
-from flexviz.diagnosis.effect_at_place import effects_at_place
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.pipeline import Interrupted
 from flexviz.diagnosis.search import Search
-from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Side, UnknownInput

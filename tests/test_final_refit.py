@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.final_refit import EarlyRefit, FinalRefit, final_refit
 
 from flexviz.diagnosis import final_refit as refits
 from flexviz.diagnosis.candidates import ModelStart
-from flexviz.diagnosis.final_refit import EarlyRefit, FinalRefit, final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of
 from flexviz.identification import identify

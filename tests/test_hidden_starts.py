@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate
+from flexviz.diagnosis.hidden_starts import doubtful_joints, loudest
 
 from flexviz.diagnosis import search as search_module
 from flexviz.diagnosis.acceptance import Gained
 from flexviz.diagnosis.candidates import ModelStart
-from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.hidden_starts import doubtful_joints, loudest
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.rich_search import RichSearch
 from scipy.optimize import lsq_linear
 
 from benchmarks.diagnosis_study.cases import selected
@@ -17,7 +18,6 @@ from flexviz.diagnosis.elimination import eliminate
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve, curve_gain

@@ -49,15 +49,18 @@ def test_saturated_torque(small: MeasurementSet) -> None:
     assert np.isfinite(fit).all() and (np.array(fit[1]) > np.array(fit[0])).all()
 
 
-def test_white_noise_names_no_effect(tmp_path: Path) -> None:
+@pytest.mark.parametrize("scale, found", [(1.0, "the position jumps"), (1e-3, "nothing but noise")])
+def test_white_noise_is_no_motion(tmp_path: Path, scale: float, found: str) -> None:
     rng, folder = np.random.default_rng(1), write_small_set(tmp_path / "noise")
     for name in ("a.csv", "b.parquet", "sub/c.csv"):
         table = {"time": 0.002 * np.arange(800)}
         for joint in ("joint1", "joint2"):
-            table |= {f"theta_{joint}": rng.normal(size=800), f"tau_{joint}": 10.0 * rng.normal(size=800)}
+            table[f"theta_{joint}"] = scale * rng.normal(size=800)
+            table[f"tau_{joint}"] = 10.0 * rng.normal(size=800)
         write_table(folder / name, table)
-    found = diagnose(read_set(folder), guarded=False)
-    assert found.verdict != "missing" and not any(finding.confidence > 0.5 for finding in found.findings)
+    for command in (identify, diagnose):
+        with pytest.raises(InputError, match=found):
+            command(read_set(folder))
 
 
 def test_records_too_short_for_narrow_bands_are_checked_in_the_others(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.unknown_place import unknown_place
 
 from flexviz.diagnosis import unknown_place as module
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.unknown_place import unknown_place
 from flexviz.equation import Layout
 from flexviz.estimation import UnknownInput
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.comparison import unscored
+from flexviz.diagnosis.refits import best_refits
 
 from flexviz.diagnosis import restart
 from flexviz.diagnosis.candidates import ModelStart, with_effect
-from flexviz.diagnosis.comparison import unscored
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.refits import best_refits
 from flexviz.effects import ChosenEffect
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import on_cores

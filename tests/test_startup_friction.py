@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.rich_search import RichSearch
 
 from benchmarks.robotlike_study.motions import random_moves
 from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.rich_search import RichSearch
 
 from flexviz.diagnosis.motion_fit import FAIR_STEPS, MAX_ITERATIONS, MotionFit, MotionProblem
-from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import read_set

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep, unscored
+from flexviz.diagnosis.rich_result import just_incomplete
 
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep, unscored
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.diagnosis.rich_result import just_incomplete
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout

@@ -11,16 +11,16 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.comparison import SearchStep
+from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
+from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 
 from flexviz.diagnosis import diagnose, forward_search
 from flexviz.diagnosis import pipeline as pipeline_module
 from flexviz.diagnosis.beside_unknown import BesideUnknown
-from flexviz.diagnosis.comparison import SearchStep
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
 from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import SlowResidual
-from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
 from flexviz.diagnosis.vibration import vibration
 from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Equation, Layout, build_signals

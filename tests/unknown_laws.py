@@ -8,12 +8,12 @@ from math import cos
 from pathlib import Path
 
 import numpy as np
-
-from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
-from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.unknown_place import UnknownPlace
+
+from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.effects import EFFECTS, ChosenEffect, JointState
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate, UnknownInput

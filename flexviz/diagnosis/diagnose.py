@@ -35,6 +35,7 @@ from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.noise import noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
@@ -81,6 +82,7 @@ def diagnose(
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     measurements, notes = without_still_groups(measurements)
+    notes += noise_notes(measurements)
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
         work = _Diagnosis(measurements, progress, should_stop)
         work.view.decoys = work.fine.decoys = decoys

@@ -35,9 +35,10 @@ from flexviz.identification.reversals import rms_between_reversals
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
-from flexviz.noise import segments_noise
+from flexviz.noise import check_signals, segments_noise
 from flexviz.observers import ButterworthZeroPhase, EsoGains
 from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.wording import normalised
 
 Array = NDArray[np.float64]
 
@@ -74,10 +75,12 @@ def identify(
         model: values to take instead of fitting them; the result has their errors and residuals.
 
     Raises:
-        InputError: unknown names, a validation group, or nothing left to fit.
+        InputError: unknown names, a validation group, nothing left to fit, or signals that are no motion
+            of a robot.
     """
     began = time.perf_counter()
-    fitted, _ = measurements.select(groups)
+    fitted, held_out = measurements.select(groups)
+    noise = check_signals(measurements, (*fitted, *held_out))
     layout = _layout(measurements, fitted, tuple(effects))
     report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
@@ -92,7 +95,14 @@ def identify(
             text = "stopped; the values are those of the last step"
             outcome = replace(outcome, converged=False, message=text)
         result = _result(measurements, fitted, plain, outcome, report)
-    return replace(result, seconds=time.perf_counter() - began)
+    residual = _with_noise_share(result.residual, noise)
+    return replace(result, residual=residual, seconds=time.perf_counter() - began)
+
+
+def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:
+    """The noise of the signals themselves, or that of the equation in its own band if it is larger."""
+    floors = normalised(residual.noise_floor, residual.torque_spread)
+    return replace(residual, noise_share=tuple(map(max, of_torque, np.nan_to_num(floors).tolist())))
 
 
 def _layout(measurements: MeasurementSet, fitted: Sequence[Group], effects: Sequence[str]) -> Layout:

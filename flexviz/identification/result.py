@@ -81,6 +81,7 @@ class ResidualSummary:
         torque_spread: standard deviation of the recorded torque over all groups; empty if unknown.
         rms_between_reversals: rms over the samples of the fitted groups that no reversal and no crossing of a
             gap disturbs; empty if the model has no effect whose torque is unknown there.
+        noise_share: share of the noise in each joint's torque, in the band of the fit; empty if unknown.
     """
 
     joints: tuple[str, ...]
@@ -89,6 +90,7 @@ class ResidualSummary:
     noise_floor: tuple[float, ...]
     torque_spread: tuple[float, ...] = ()
     rms_between_reversals: tuple[float, ...] = ()
+    noise_share: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,6 +40,7 @@ ABOUT_UNITS = (
     "sign",
     "zero",
     "coupling",
+    "jumps",
     "unexplained",
 )  # with such an issue the torque's delay proves nothing
 

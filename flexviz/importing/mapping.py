@@ -212,7 +212,9 @@ class Fix:
 class Issue:
     """Something in the data that looks wrong or odd."""
 
-    kind: Literal["unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "unexplained"]
+    kind: Literal[
+        "unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "jumps", "unexplained"
+    ]
     # "wrong": the data contradict the mapping, the set is not written unless the user insists;
     # "odd": it may be intended
     severity: Literal["wrong", "odd"]

@@ -17,7 +17,7 @@ from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader, Temperatures
 from flexviz.measurements.segments import GAP, POINTS, interpolate, pieces
-from flexviz.measurements.tables import readable
+from flexviz.measurements.tables import readable, row_name
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
 
@@ -49,6 +49,7 @@ __all__ = [
     "read_set",
     "readable",
     "require_unchanged",
+    "row_name",
     "sample_motion",
     "write_set",
     "wrong_time_unit",

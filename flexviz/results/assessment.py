@@ -8,9 +8,9 @@ from typing import Protocol
 
 from flexviz.results.curves import EstimateLike
 from flexviz.results.entries import ParameterEntry, ResidualEntry, ResultFields
-from flexviz.wording import listed, normalised, percent, plain_name, plural
+from flexviz.wording import listed, noise_text, normalised, percent, plain_name, plural
 
-GOOD_SHARE = 0.1  # error of a joint up to which it is good, relative to the spread of its torque
+GOOD_SHARE = 0.1  # error or noise of a joint up to which it is good, relative to the spread of its torque
 FAR_FROM_NOISE = 3.0  # times the noise, from which the model lacks something ...
 LEAST_SHARE = 0.01  # ... if the error is also this share of the torque
 WORSE_HELD_OUT = 1.5  # times the error on the fitted groups
@@ -46,12 +46,16 @@ def assessment(result: ResultFields) -> str:
 def _errors(residual: ResidualEntry) -> list[str]:
     error = residual.rms_validation or residual.rms
     shares = dict(zip(residual.joints, _shares(residual, error), strict=True))
-    good = {joint: share for joint, share in shares.items() if share <= GOOD_SHARE}
+    noise = dict(zip(residual.joints, residual.noise_share, strict=False))
+    noisy = {joint: share for joint, share in noise.items() if share > GOOD_SHARE}
+    good = {joint: share for joint, share in shares.items() if share <= GOOD_SHARE and joint not in noisy}
     weak = {joint: share for joint, share in shares.items() if share > GOOD_SHARE}
     kind = "held-out error" if residual.rms_validation else "error"
     out = []
+    if noisy:
+        out.append(f"Poor: {noise_text(noisy)}.")
     if good:
-        count = "all joints" if not weak else f"{len(good)} of {plural(len(shares), 'joint')}"
+        count = "all joints" if len(good) == len(shares) else f"{len(good)} of {plural(len(shares), 'joint')}"
         out.append(f"Good: {kind} of {count}, at most {percent(max(good.values()))} of the torque.")
     if weak:
         worst = sorted(weak.items(), key=lambda item: -item[1])

@@ -25,6 +25,7 @@ NoteKind = Literal[
     "bandwidth",
     "standstill",
     "explained",
+    "noise",
     "other",
 ]
 
@@ -38,7 +39,7 @@ class Note:
     "place" (where an unknown law acts), "unbiased" (parameters that it does not bias), "free-curve" (error
     that a free curve would absorb), "stopgap" (free curves in the model), "bandwidth" (values that change
     with the observer bandwidth), "standstill" (joints whose rest is judged apart), "explained" (share of
-    each joint's torque that the model explains), "other".
+    each joint's torque that the model explains), "noise" (share of it that is noise), "other".
     """
 
     kind: NoteKind

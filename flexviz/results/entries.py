@@ -86,6 +86,7 @@ class ResidualEntry(ResultEntry):
     """Residual per joint [Nm], unweighted, and the standard deviation of the recorded torque.
 
     `rms_between_reversals` is over samples that no reversal disturbs; absent where no effect needs it.
+    `noise_share` is the share of the noise in the torque, in the band of the fit; 1: nothing but noise.
     """
 
     joints: list[str]
@@ -94,11 +95,12 @@ class ResidualEntry(ResultEntry):
     noise_floor: list[Number]
     torque_spread: list[Number] = Field(default_factory=list)
     rms_between_reversals: list[Number] = Field(default_factory=list)
+    noise_share: list[Number] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _per_joint(self) -> Self:
         lists = {"rms": self.rms, "rms_validation": self.rms_validation, "noise_floor": self.noise_floor}
-        for name in ("torque_spread", "rms_between_reversals"):
+        for name in ("torque_spread", "rms_between_reversals", "noise_share"):
             lists[name] = getattr(self, name) or None
         check_lengths(len(self.joints), "one per joint", **lists)
         if not self.rms_between_reversals:

@@ -8,9 +8,9 @@ Without a known spread the texts give Nm only.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from flexviz.wording.numbers import number
+from flexviz.wording.numbers import listed, number
 
 SAID_AS_SHARES = ("explained", "unexplained")
 """Kinds of notes that the joints' shares of the torque replace."""
@@ -44,6 +44,16 @@ def torque_error_text(rms: Sequence[float], spread: Sequence[float] = ()) -> str
     torque = f"{number(total_rms(rms), 3)} Nm"
     share = mean_nrms(rms, spread) if spread else math.nan
     return f"{percent(share)} of the torque ({torque})" if math.isfinite(share) else torque
+
+
+def noise_text(shares: Mapping[str, float]) -> str:
+    """What noise hides, by its share in the torque of each joint named.
+
+    >>> noise_text({"joint1": 0.113, "joint2": 1.0})
+    'noise is 11 % of the torque of joint1 and 100 % of the torque of joint2, and hides what is smaller'
+    """
+    parts = [f"{percent(share)} of the torque of {joint}" for joint, share in shares.items()]
+    return f"noise is {listed(parts)}, and hides what is smaller"
 
 
 def explained(error: float) -> str:
