@@ -1,0 +1,154 @@
+"""The search on a toy problem: which of twenty columns does a linear regression have?"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.search import Candidate, Search, best_of_each_place
+from tests.toy_regression import (
+    COLUMNS,
+    FITTED,
+    HELD_OUT,
+    LinearModel,
+    Regression,
+    autoregressive,
+)
+
+Array = NDArray[np.float64]
+
+COUNT = FITTED + HELD_OUT
+TRUE = {2: 1.0, 7: -0.6, 8: 0.4, 15: 0.8}  # columns 7 and 15 are of one place
+NOISE = 0.5
+
+
+def columns(rng: np.random.Generator, correlation: float = 0.0) -> Array:
+    """Twenty columns of variance 1 that correlate with one another, shape (N, 20)."""
+    own, common = rng.standard_normal((COUNT, COLUMNS)), rng.standard_normal((COUNT, 1))
+    return np.sqrt(1 - correlation) * own + np.sqrt(correlation) * common
+
+
+def target(rng: np.random.Generator, x: Array, true: dict[int, float] = TRUE) -> Array:
+    """What the columns make, with noise, shape (N,)."""
+    return x[:, list(true)] @ np.array(list(true.values())) + NOISE * rng.standard_normal(COUNT)
+
+
+def searched(problem: Regression, start: Collection[int] = ()) -> tuple[LinearModel, Search[LinearModel]]:
+    """The end of a search from some columns, and the search with its trace."""
+    search = Search(problem)
+    return search.run(problem.fit(start)), search
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("correlation", [0.0, 0.7])
+@pytest.mark.parametrize("seed", range(8))
+def test_exactly_the_true_columns_are_found(seed: int, correlation: float, known: bool) -> None:
+    rng = np.random.default_rng(seed)
+    x = columns(rng, correlation)
+    found, _ = searched(Regression(x, target(rng, x), NOISE if known else None))
+    assert found.columns == frozenset(TRUE)
+    for k, value in TRUE.items():
+        assert found.coefficients[k] == pytest.approx(value, abs=0.15)
+    assert found.likelihood.deviation[0] == pytest.approx(NOISE, rel=0.08)
+
+
+@pytest.mark.parametrize("start", [{0, 1, 3}, set(TRUE) | {4, 5}, set(range(COLUMNS))])
+def test_what_a_start_has_too_much_is_dropped(start: set[int]) -> None:
+    rng = np.random.default_rng(20)
+    x = columns(rng, 0.3)
+    found, _ = searched(Regression(x, target(rng, x), NOISE), start)
+    assert found.columns == frozenset(TRUE)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_near_twin_is_exchanged_for_the_right_column(known: bool) -> None:
+    """They are never in a model together, like a law and the one that it refines."""
+    rng = np.random.default_rng(30)
+    x = columns(rng)
+    x[:, 9] = 0.95 * x[:, 2] + np.sqrt(1 - 0.95**2) * x[:, 9]
+    problem = Regression(x, target(rng, x), NOISE if known else None, twins=[(2, 9)])
+    found, search = searched(problem, {9})
+    assert found.columns == frozenset(TRUE)
+    (swap,) = (move for move in search.trace if move.kind == "swap" and move.accepted)
+    assert (swap.added, swap.removed) == ((2,), (9,))
+    again, search = searched(problem, {2})  # nor is it exchanged for the other one
+    assert again.columns == frozenset(TRUE)
+    (refused,) = (move for move in search.trace if move.kind == "swap")
+    assert not refused.accepted and refused.gain.delta < 0
+
+
+def test_the_trace_tells_what_was_tried_and_what_it_gained() -> None:
+    rng = np.random.default_rng(40)
+    x = columns(rng)
+    problem = Regression(x, target(rng, x), NOISE)
+    made: list[frozenset[object]] = []
+    search = Search(problem, lambda model: made.append(frozenset(model.columns)))
+    end = search.run(problem.fit(()))
+    accepted = [move for move in search.trace if move.accepted]
+    assert {key for move in accepted for key in move.added} == set(TRUE)
+    have = frozenset[object]()
+    for move, after in zip(accepted, made[1:], strict=True):  # each is made from where the last one led
+        assert move.resolution == "toy" and move.kind == "add"
+        larger = (have - set(move.removed)) | set(move.added)
+        assert larger == after
+        before, now = (problem.fit(map(int, map(str, parts))) for parts in (have, larger))
+        expected = problem.gain(before, now, COLUMNS - len(have))
+        assert move.gain.delta == pytest.approx(expected.delta, rel=1e-9)
+        assert move.gain.error == pytest.approx(expected.error, rel=1e-9) and move.gain.error > 0
+        have = larger
+    assert made[0] == frozenset() and made[-1] == end.columns
+    for move in search.trace:
+        assert move.accepted == (not move.gain.why) or move.kind == "drop"
+
+
+@pytest.mark.parametrize(("known", "rho"), [(True, 0.0), (False, 0.0), (False, 0.6)])
+def test_hardly_anything_is_found_in_noise(known: bool, rho: float) -> None:
+    """In 200 sets of pure noise, two at most; the columns are as correlated in time as the noise."""
+    false = 0
+    for seed in range(200):
+        rng = np.random.default_rng(1000 + seed)
+        if rho:
+            x, y = autoregressive(rng, COUNT, rho, COLUMNS), autoregressive(rng, COUNT, rho)[:, 0]
+        else:
+            x, y = columns(rng), rng.standard_normal(COUNT)
+        found, _ = searched(Regression(x, y, 1.0 if known else None))
+        false += bool(found.columns)
+    assert false <= 2
+
+
+def test_a_small_column_is_found_more_often_the_larger_it_is() -> None:
+    """√(2 · cost / N) σ, about 0.15 σ, is the limit of detection."""
+    rates = []
+    for size in (0.05, 0.15, 0.3):
+        hits = 0
+        for seed in range(30):
+            rng = np.random.default_rng(seed)
+            x = columns(rng)
+            found, _ = searched(Regression(x, size * x[:, 3] + rng.standard_normal(COUNT), 1.0))
+            hits += 3 in found.columns
+        rates.append(hits / 30)
+    assert rates[0] < 0.1 and rates[0] < rates[1] < rates[2] and rates[2] > 0.95
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_an_unknown_input_is_added_where_no_column_explains_what_is_left(there: bool) -> None:
+    """And the columns that it hid are found beside it."""
+    rng = np.random.default_rng(50)
+    x = columns(rng)
+    problem = Regression(x, target(rng, x), None, unknown=True)
+    hidden = 20 * problem.waves[:, 2] - 15 * problem.waves[:, 5]
+    problem.y = problem.y + there * hidden
+    found, search = searched(problem)
+    assert found.columns == frozenset(TRUE) | ({"unknown"} if there else frozenset())
+    moves = [move for move in search.trace if move.kind == "unknown"]
+    assert [move.accepted for move in moves] == [there]
+    if there:
+        assert "unknown" in moves[0].added and moves[0].gain.delta > 500
+
+
+def test_of_each_place_only_the_best_is_tried() -> None:
+    some = [Candidate("a", 0, 1.0), Candidate("b", 0, 3.0), Candidate("c", 1, 2.0), Candidate("d", 2, -1.0)]
+    assert [c.key for c in best_of_each_place(some)] == ["b", "c"]
