@@ -170,8 +170,9 @@ def _within(data: Linearised, rows: NDArray[np.intp], target: Array, covariance:
             inside = covariance[np.ix_(at, at)]
             move = covariance[:, at] @ np.linalg.lstsq(inside, wanted, rcond=1e-12)[0]
         move[rows] = target
-        clipped = np.clip(data.x + move, data.bounds.lower, data.bounds.upper) - data.x
-        out = (clipped != move) & (np.diag(covariance) > 0)
+        end = data.x + move
+        clipped = np.clip(end, data.bounds.lower, data.bounds.upper) - data.x
+        out = ((end < data.bounds.lower) | (end > data.bounds.upper)) & (np.diag(covariance) > 0)
         out[rows] = False
         if not out.any():
             break

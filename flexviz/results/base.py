@@ -24,6 +24,7 @@ NoteKind = Literal[
     "stopgap",
     "bandwidth",
     "standstill",
+    "filtered",
     "explained",
     "noise",
     "other",

@@ -35,7 +35,7 @@ from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.noise import noise_notes
+from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
@@ -292,6 +292,8 @@ class _Diagnosis:
             else None
         )
         first = () if end.changing is None else (Note("changing", end.changing.text),)
+        filtered = filtered_before_writing([s for g in self.measurements.fit_groups for s in g.segments]).text
+        first += (Note("filtered", filtered),) if filtered else ()
         more = notes(fit, verdict, shown.errors, variance, curve, bandwidths)
         told = () if beside is None else tuple(beside.notes(context, parts, fit))
         phase = self.view.context.first_phase
