@@ -117,24 +117,28 @@ class Search(Generic[Model]):
     ) -> None:
         self.problem, self.made = problem, made
         self.trace: list[Tried] = [] if trace is None else trace
+        self._refused = set[Hashable]()  # candidates, beside the present model
+        self._settled = set[frozenset[Hashable]]()  # models of which no part is exchanged
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
-        model, refused = self.problem.pruned(model), set[Hashable]()
+        model, changed = self.problem.pruned(model), False
         self.made(model)
         for _ in range(LIMITS.rounds):
             scored = self.problem.candidates(model)
-            chosen = best_of_each_place(c for c in scored if c.key not in refused)
+            chosen = best_of_each_place(c for c in scored if c.key not in self._refused)
             if chosen:
-                refused |= {c.key for c in chosen}
+                self._refused |= {c.key for c in chosen}
                 found = self.enlarged(model, chosen, len(scored))
+            elif changed:  # what was refused beside another model may be needed now
+                self._refused, changed = set(), False
+                continue
             else:
                 found = self.swapped(model) or (None if inner else self.with_unknown(model))
                 if found is None:
                     break
-                refused.clear()
             if found is not None:
-                model = found
+                model, changed = found, True
                 self.made(model)
         return self.problem.pruned(model)
 
@@ -152,21 +156,25 @@ class Search(Generic[Model]):
 
     def swapped(self, model: Model) -> Model | None:
         """The model with a part exchanged for a rival; None if no exchange is accepted."""
-        for swap in self.problem.swaps(model):
+        parts = self.problem.parts(model)
+        for swap in self.problem.swaps(model) if parts not in self._settled else ():
             other = swap(model)
             if self.accepted("swap", model, other, 0):
                 return other
+        self._settled.add(parts)
         return None
 
     def with_unknown(self, model: Model) -> Model | None:
-        """The model with an unknown input; None if none is accepted."""
+        """The model with an unknown input and what shows beside it; None if none is accepted."""
         for unknown in self.problem.unknowns(model):
             larger = unknown(model)
             if self.problem.parts(larger) == self.problem.parts(model):
                 continue
-            larger = self.run(larger, inner=True)  # what is real shows beside the input
+            before, self._refused = self._refused, set()
+            larger = self.run(larger, inner=True)
             if self.accepted("unknown", model, larger, 1):
                 return larger
+            self._refused = before
         return None
 
     def accepted(self, kind: str, before: Model, after: Model, tried: int) -> bool:

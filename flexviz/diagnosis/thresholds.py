@@ -32,7 +32,7 @@ class SearchThresholds:
     """How much is tried."""
 
     rounds: int = 12  # of scoring what a model leaves
-    singles: int = 4  # candidates tried one by one where all together are refused
+    singles: int = 2  # candidates tried one by one where all together are refused
     reach: float = 3.0  # times what its score promises, that a candidate may gain
     intervals: int = 5000  # in which an episode may lie
     longest_episode: float = 0.6  # share of a stretch; a torque that acts longer is not an episode
