@@ -18,6 +18,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 Model = TypeVar("Model")
 
 LIMITS = THRESHOLDS.search
+AGAIN = 2.0  # times what it promised, from which a refused candidate is tried again
 
 
 @dataclass(frozen=True)
@@ -117,30 +118,31 @@ class Search(Generic[Model]):
     ) -> None:
         self.problem, self.made = problem, made
         self.trace: list[Tried] = [] if trace is None else trace
-        self._refused = set[Hashable]()  # candidates, beside the present model
+        self._refused = dict[Hashable, float]()  # candidates, and what they promised
         self._settled = set[frozenset[Hashable]]()  # models of which no part is exchanged
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
-        model, changed = self.problem.pruned(model), False
+        model = self.problem.pruned(model)
         self.made(model)
         for _ in range(LIMITS.rounds):
             scored = self.problem.candidates(model)
-            chosen = best_of_each_place(c for c in scored if c.key not in self._refused)
+            chosen = best_of_each_place(c for c in scored if self.worth(c))
             if chosen:
-                self._refused |= {c.key for c in chosen}
+                self._refused |= {c.key: c.promise for c in chosen}
                 found = self.enlarged(model, chosen, len(scored))
-            elif changed:  # what was refused beside another model may be needed now
-                self._refused, changed = set(), False
-                continue
             else:
                 found = self.swapped(model) or (None if inner else self.with_unknown(model))
                 if found is None:
                     break
             if found is not None:
-                model, changed = found, True
+                model = found
                 self.made(model)
         return self.problem.pruned(model)
+
+    def worth(self, candidate: Candidate) -> bool:
+        """Whether to try a candidate: not one that was refused, unless it promises much more by now."""
+        return candidate.promise > AGAIN * self._refused.get(candidate.key, 0.0)
 
     def enlarged(self, model: Model, chosen: Sequence[Candidate], tried: int) -> Model | None:
         """The model with the candidates, all at once or the first one by one that is accepted."""
@@ -170,7 +172,7 @@ class Search(Generic[Model]):
             larger = unknown(model)
             if self.problem.parts(larger) == self.problem.parts(model):
                 continue
-            before, self._refused = self._refused, set()
+            before, self._refused = self._refused, {}
             larger = self.run(larger, inner=True)
             if self.accepted("unknown", model, larger, 1):
                 return larger
