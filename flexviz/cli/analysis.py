@@ -35,6 +35,15 @@ GuardOption = Annotated[
     ),
 ]
 
+DecoysOption = Annotated[
+    bool,
+    typer.Option(
+        "--decoys",
+        help="Let candidates that cannot be right compete, such as another joint's friction, and tell how "
+        "many of them are accepted.",
+    ),
+]
+
 
 def identify(
     measurement_set: SetArgument, options: IdentificationOptions, json_file: JsonOption = None
@@ -62,12 +71,7 @@ def diagnose(
         "explains, which is not physics. By default only where the effects were estimated beside one.",
         show_default=False,
     ),
-    decoys: bool = typer.Option(
-        False,
-        "--decoys",
-        help="Let candidates that cannot be right compete, such as another joint's friction, and tell how "
-        "many of them are accepted.",
-    ),
+    decoys: DecoysOption = False,
     draft_effect: Path | None = typer.Option(
         None,
         "--draft-effect",

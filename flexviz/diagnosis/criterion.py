@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation.signals import Block
+from flexviz.equation import Block
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -157,6 +157,11 @@ class Gain:
     def reversed(self) -> Gain:
         """Of the opposite move."""
         return Gain(-self.delta, self.error, -self.by_joint, self.errors)
+
+    @property
+    def clear(self) -> bool:
+        """Whether the models differ by more than the error of their difference, for better or worse."""
+        return abs(self.delta) > max(LIMITS.deviations * self.error, LIMITS.temperature)
 
     @property
     def why(self) -> str:

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, likelihood
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import Bounds
-from flexviz.estimation.linear_algebra import scaled_inverse
+from flexviz.estimation import Bounds, scaled_inverse
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -266,10 +266,7 @@ class MotionContext:
         return bool(np.any(self.first_phase > before))
 
     def louder_before_motion(self, fit: MotionFit) -> NDArray[np.bool_]:
-        """Joints where a fit errs much more at rest and just after it than in motion, shape (n,).
-
-        Only samples that count.
-        """
+        """Joints where a fit errs much more at rest and just after it than in motion, shape (n,)."""
         moving = self.phases == Phase.MOTION
         return louder(fit.residual, ~moving & (self.phases >= self.first_phase), moving, self.noise_floor)
 

@@ -1,10 +1,10 @@
-"""Diagnosis of a set: search at two resolutions, then describe what was found and what is left."""
+"""Diagnosis of a set: a search at two resolutions, and the description of what it has found."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,41 +13,30 @@ from threadpoolctl import threadpool_limits
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
-from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import gain
+from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, findings, staircase, steps
-from flexviz.diagnosis.fine import Fine, FineModel
-from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.model_family import without_curves
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.notes import notes, standstill_text
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.result import Diagnosis, Finding, Move
-from flexviz.diagnosis.search import Search, Tried
-from flexviz.diagnosis.so_far import Standing
+from flexviz.diagnosis.prediction_errors import Known
+from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
+from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.still_groups import without_still_groups
-from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
-from flexviz.diagnosis.varying_size import ChangingSize, changing_size
 from flexviz.effects import DECOYS, ChosenEffect
-from flexviz.equation import Layout, layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
-from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
+from flexviz.progress import ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
+from flexviz.wording import step_shares
 
 Array = NDArray[np.float64]
 
 LISTED_CANDIDATES = 8
-FINE_ITERATIONS = 14
-
-
-class Interrupted(Exception):
-    """Raised between steps when the user stops the diagnosis."""
 
 
 def diagnose(
@@ -84,248 +73,135 @@ def diagnose(
     measurements, notes = without_still_groups(measurements)
     notes += noise_notes(measurements)
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
-        work = _Diagnosis(measurements, progress, should_stop)
-        work.view.decoys = work.fine.decoys = decoys
-        result = work.run(apply, guarded, free_curve is not False)
+        course = Course(measurements, progress, should_stop)
+        course.view.decoys = course.fine.decoys = decoys
+        end = course.run()
+        with stopped_by(never):
+            result = _Description(course, end, apply, guarded, free_curve is not False).result()
         if apply and free_curve and not why_no_curve(result):
-            result = work.with_curve(result)
-        if result.stopped and not result.findings and (best := work.news.so_far) is not None:
+            result = with_curve(course, result)
+        if result.stopped and not result.findings and (best := course.news.so_far) is not None:
             result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
         if progress is not None and not result.stopped:
-            progress(work.pace.done())
-        del work  # before what it leaves is collected
+            progress(course.pace.done())
+        del course, end  # before what they leave is collected
     return replace(result, notes=(*result.notes, *notes))
 
 
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where the search ended.
+class _Description:
+    """What a search has found, as a result.
 
-    Attributes:
-        coarse: the model at the coarse resolution.
-        fine: at the fine one, without free curves.
-        resolution: the one that decided: "coarse" where a model error is left.
-        curves: free curves beside which the model was estimated.
-        changing: a size that changes during the recordings.
+    Args:
+        course: the search.
+        end: where it ended.
+        apply: whether the result describes the model with what was found, or the set's own one.
+        guarded: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
+        curves: whether the model ends with the free curves beside which it was estimated.
     """
 
-    coarse: CoarseModel
-    fine: FineModel
-    resolution: str
-    curves: tuple[ChosenEffect, ...]
-    changing: ChangingSize | None = None
-
-
-class _Diagnosis:
-    """State of one diagnosis."""
-
     def __init__(
-        self,
-        measurements: MeasurementSet,
-        progress: ProgressCallback | None,
-        should_stop: StopCallback | None,
+        self, course: Course, end: SearchEnd, apply: bool, guarded: bool | None, curves: bool
     ) -> None:
-        self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
-        self.began, self.stopped = time.perf_counter(), False
-        self.pace, self.news = stages.pace(measurements.n), Progress()
-        self.own = layout_of(measurements)
-        self.band = PredictionErrorBand(measurements)
-        self.standing = Standing(self.own, self.band, self.tell_best if progress else None)
-        self.view = Coarse(MotionContext(measurements, self.own.joints, stand_ins=True), self.own, self.say)
-        self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
-        self.trace: list[Tried] = []
-        self.best: CoarseModel | None = None
+        self.course, self.end, self.view, self.fine = course, end, course.view, course.fine
+        self.apply, self.guarded, self.curves = apply, guarded, curves
+        self.own, self.measurements = course.own, course.measurements
 
-    def say(self, text: str) -> None:
-        """Report progress; raise `Interrupted` if the user has stopped the diagnosis."""
-        self.stopped = self.stopped or (self.should_stop is not None and self.should_stop())
-        if self.stopped:
-            raise Interrupted
-        self.tell(text)
+    @property
+    def at_noise(self) -> bool:
+        """Whether the model is that of the fine resolution."""
+        return self.end.resolution == "fine" and not self.end.curves
 
-    def tell(self, text: str) -> None:
-        if text and self.progress is not None:
-            self.news = replace(self.pace.news(text), so_far=self.news.so_far)
-            self.progress(self.news)
-
-    def tell_best(self, best: BestSoFar) -> None:
-        """Report the best model so far."""
-        self.news = replace(self.news, so_far=best)
-        if self.progress is not None:
-            self.progress(self.news)
-
-    # -- the search
-
-    def run(self, apply: bool, guarded: bool | None, curves: bool) -> Diagnosis:
-        try:
-            end = self.searched()
-        except Interrupted:
-            end = self.interrupted()
-        with stopped_by(never):
-            return self.result(end, apply, guarded, curves)
-
-    def searched(self) -> _End:
-        """The end of the search at both resolutions."""
-        coarse = self.coarse_search()
-        view = self.view
-        if view.significant(coarse).any():
-            return self.ended(coarse, "coarse")
-        end = self.ended(coarse, "fine")
-        if end.curves:
-            return end
-        self.tell(stages.FINE)
-        assert view.reference is not None
-        self.fine.reference = end.fine.likelihood
-        self.fine.explained = np.maximum(gain(view.reference, coarse.likelihood).by_joint, 0.0)
-        search = Search(self.fine, trace=self.trace)
-        found = search.run(end.fine)
-        model = end.coarse
-        if found.layout != end.coarse.layout:
-            model = view.fit(found.layout, found.fit.x, iterations=5)
-        return _End(model, found, "fine", (), changing_size(self.fine, found))
-
-    def coarse_search(self) -> CoarseModel:
-        """The end of the search at the coarse resolution."""
-        view = self.view
-        self.say(stages.OWN_MODEL)
-        bare = self.best = view.bare()
-        view.reference = bare.likelihood
-        self.standing.own_model(bare.fit)
-        if view.at_noise(bare):
-            return bare
-        self.say(stages.USUAL)
-        rich = view.pruned(view.rich())
-        if view.context.set_standstill_apart(rich.fit):
-            rich = view.rich()
-        search = Search(view, self.made, self.trace)
-        return view.with_first_movements(view.with_rest_angles(search.run(rich)))
-
-    def made(self, model: CoarseModel) -> None:
-        """A model is accepted."""
-        self.best = model
-        self.standing.fitted(
-            without_curves(model.fit, [*filter(is_curve, model.layout.effects)]),
-            self.view.context.first_phase,
-        )
-
-    def ended(self, coarse: CoarseModel, resolution: str) -> _End:
-        curves = tuple(filter(is_curve, coarse.layout.effects))
-        plain = without_curves(coarse.fit, curves)
-        iterations = FINE_ITERATIONS if resolution == "fine" and not curves else 0
-        return _End(coarse, self.fine.fit(plain.layout, plain.x, iterations), resolution, curves)
-
-    def interrupted(self) -> _End:
-        """The end of a search that was stopped."""
-        with stopped_by(never):
-            self.stopped, stop = False, self.stopped
-            self.should_stop = None
-            best = self.best if self.best is not None else self.view.bare()
-            end = self.ended(best, "coarse")
-            self.stopped = stop
-        return end
-
-    # -- the result
-
-    def verdict(self, end: _End) -> Verdict:
+    def verdict(self) -> Verdict:
         """Whether the model is complete."""
+        end = self.end
         if end.curves or end.changing is not None or self.view.significant(end.coarse).any():
             return "unknown"
-        return (
-            "unknown" if end.resolution == "fine" and not self.fine.complete(end.fine) else "nothing-missing"
-        )
+        return "unknown" if self.at_noise and not self.fine.complete(end.fine) else "nothing-missing"
 
-    def result(self, end: _End, apply: bool, guarded: bool | None, curves: bool) -> Diagnosis:
-        self.tell(stages.STAIRS)
-        last, view = self.verdict(end), self.view
-        final = self.final(end, curves)
-        model = end.coarse
-        stairs = staircase(view, model, final, self.band)
-        gains = (
-            self.fine.gains(end.fine) if end.resolution == "fine" and not end.curves else view.gains(model)
-        )
-        found = findings(view, model, gains, stairs, self.band, self.rivals())
-        if not curves:
+    def result(self) -> Diagnosis:
+        """The result."""
+        self.course.tell(stages.STAIRS)
+        end, last, final = self.end, self.verdict(), self.final()
+        stairs = staircase(self.view, end.coarse, final, self.course.band)
+        gains = self.fine.gains(end.fine) if self.at_noise else self.view.gains(end.coarse)
+        found = findings(self.view, end.coarse, gains, stairs, self.course.band, self.rivals())
+        if not self.curves:
             found = [one for one in found if not one.stopgap]
-        shown, verdict = (
-            (final, last) if apply else (stairs[0], "missing" if any(not f.stopgap for f in found) else last)
-        )
-        made = list(steps(stairs if apply else stairs[:1], found if apply else (), verdict))
-        self.tell(stages.LOCATION)
-        return self.described(end, shown, verdict, made, found, apply, guarded)
+        taken = list(steps(stairs, found, last))
+        shares = step_shares(taken, self.measurements.torque_spread)[1:]
+        found = [replace(one, share=share) for one, share in zip(found, shares, strict=True)]
+        taken = list(steps(stairs, found, last))
+        listed = sorted((f for f in found if not f.stopgap), key=lambda f: -(f.share or 0.0))
+        shown = final if self.apply else stairs[0]
+        made = taken if self.apply else [replace(taken[0], verdict="missing" if listed else last)]
+        return self.described(shown, made, listed)
 
-    def described(
-        self,
-        end: _End,
-        shown: Stair,
-        verdict: Verdict,
-        made: list,
-        found: list[Finding],
-        apply: bool,
-        guarded: bool | None,
-    ) -> Diagnosis:
-        fit = end.fine.fit if apply else self.fine.fit(shown.layout, shown.x, 0).fit
-        context, layout = self.fine.context, shown.layout
-        place = None
-        one_place = np.count_nonzero(self.view.significant(end.coarse)) < 2  # one law acts at one place
-        searched = apply and not self.stopped and not end.curves and end.changing is None
-        if searched and verdict == "unknown" and one_place:
-            place = self.place(end, fit)
+    def described(self, shown: Stair, made: list[Step], found: list[Finding]) -> Diagnosis:
+        """The result that describes one model, `shown`."""
+        self.course.tell(stages.LOCATION)
+        fit = self.end.fine.fit if self.apply else self.fine.fit(shown.layout, shown.x, 0).fit
+        context, layout, unknown = self.fine.context, shown.layout, made[-1].verdict == "unknown"
+        place = self.place(fit) if unknown and self.apply else None
         beside = BesideUnknown.of(context, fit, place)
-        likely = [e.joint for e in end.curves]
-        where, maps, parts = locate_unknown(context, fit, beside, end.changing)
-        if likely:
-            joint = layout.joints[likely[0] or 0]
-            where = tuple(sorted(where, key=lambda p: p.joint != joint))
-        curve = bandwidths = None
-        if verdict == "unknown" and not self.stopped:
+        where, maps, parts = locate_unknown(context, fit, beside, self.end.changing)
+        for law in self.end.curves[:1]:
+            where = tuple(sorted(where, key=lambda p: p.joint != layout.joint_name(law)))
+        curve = guard = None
+        if unknown and not self.course.stopped:
             curve = fit_free_curve(context, fit if beside is None else beside.fit, where[0], parts)
-        if end.curves and curve is not None and not curve.certain:
-            curve = None
-        puzzling = verdict == "unknown" and end.changing is None and beside is None and not end.curves
-        if not self.stopped and (guarded or (guarded is None and puzzling and end.resolution == "fine")):
-            self.tell(stages.BANDWIDTH)
-            bandwidths = check_bandwidth(self.measurements, layout, shown.x)
-        prior = self.view.context.start(layout).prior
-        variance = (
-            end.coarse.likelihood.deviation**2
-            if end.resolution == "coarse" and verdict == "unknown"
-            else None
-        )
-        first = () if end.changing is None else (Note("changing", end.changing.text),)
-        filtered = filtered_before_writing([s for g in self.measurements.fit_groups for s in g.segments]).text
-        first += (Note("filtered", filtered),) if filtered else ()
-        more = notes(fit, verdict, shown.errors, variance, curve, bandwidths)
+            curve = None if self.end.curves and not curve.certain else curve
+        puzzling = unknown and self.at_noise and self.end.changing is None and beside is None
+        if not self.course.stopped and (self.guarded or (self.guarded is None and puzzling)):
+            self.course.tell(stages.BANDWIDTH)
+            guard = check_bandwidth(self.measurements, layout, shown.x)
+        start = self.view.context.start(layout)
+        at_bound = (shown.x <= start.bounds.lower) | (shown.x >= start.bounds.upper)
         told = () if beside is None else tuple(beside.notes(context, parts, fit))
-        phase = self.view.context.first_phase
-        still = (Note("standstill", standstill_text(layout.joints, phase)),) if phase.any() else ()
+        more = notes(fit, made[-1].verdict, shown.errors, self.model_error(unknown), curve, guard)
         return Diagnosis(
             set_name=self.measurements.name,
             verdict=made[0].verdict,
-            findings=tuple(f for f in found if not f.stopgap)[:LISTED_CANDIDATES],
+            findings=tuple(found[:LISTED_CANDIDATES]),
             where=where,
             steps=tuple(made),
             effects=effect_values(shown, shown.covariance.standard_errors),
             parameters=parameter_estimates(
-                layout, shown.x, prior.centre, shown.covariance, np.zeros(layout.size, bool), prior
+                layout, shown.x, start.prior.centre, shown.covariance, at_bound, start.prior
             ),
-            seconds=time.perf_counter() - self.began,
-            stopped=self.stopped,
-            notes=(*first, *still, *told, *more),
+            seconds=time.perf_counter() - self.course.began,
+            stopped=self.course.stopped,
+            notes=(*self.notes_on_data(), *told, *more),
             model=layout.model(shown.x),
             maps=maps,
             free_curve=curve,
-            guard=bandwidths,
+            guard=guard,
             torque_spread=self.measurements.torque_spread,
-            trace=tuple(map(self.told, self.trace)),
-            decoys=self.counted_decoys(end),
+            trace=tuple(map(self.told, self.course.trace)),
+            decoys=self.counted_decoys(),
         )
 
-    def counted_decoys(self, end: _End) -> tuple[int, int] | None:
+    def model_error(self, unknown: bool) -> Array | None:
+        """Variance of the model error that the search allowed for, shape (n,) [Nm²]; None without one."""
+        coarse = self.end.resolution == "coarse" and unknown
+        return self.end.coarse.likelihood.deviation**2 if coarse else None
+
+    def notes_on_data(self) -> Iterator[Note]:
+        """What is said of the data whatever was found."""
+        if self.end.changing is not None:
+            yield Note("changing", self.end.changing.text)
+        segments = [s for g in self.measurements.fit_groups for s in g.segments]
+        if text := filtered_before_writing(segments).text:
+            yield Note("filtered", text)
+        if (phase := self.view.context.first_phase).any():
+            yield Note("standstill", standstill_text(self.own.joints, phase))
+
+    def counted_decoys(self) -> tuple[int, int] | None:
         """How many decoys the final model has, and how many competed; None if none did."""
         if not self.view.decoys:
             return None
-        accepted = sum(e.effect in DECOYS for e in end.coarse.layout.effects)
-        return accepted, accepted + sum(e.effect in DECOYS for e in self.view.wanted(end.coarse.layout))
+        layout = self.end.coarse.layout
+        accepted = sum(e.effect in DECOYS for e in layout.effects)
+        return accepted, accepted + sum(e.effect in DECOYS for e in self.view.wanted(layout))
 
     def told(self, tried: Tried) -> Move:
         """A move of the search for the result."""
@@ -333,56 +209,55 @@ class _Diagnosis:
             tuple(sorted(_effect(key).text(self.own.joints) for key in keys))
             for keys in (tried.added, tried.removed)
         )
-        gain = tried.gain
-        why = "" if tried.accepted else gain.why or "it is not needed"
-        return Move(tried.kind, added, removed, gain.delta, gain.error, tried.accepted, tried.resolution, why)
+        found = tried.gain
+        why = "" if tried.accepted else found.why or "it is not needed"
+        accepted, resolution = tried.accepted, tried.resolution
+        return Move(tried.kind, added, removed, found.delta, found.error, accepted, resolution, why)
 
-    def place(self, end: _End, fit: Fit) -> UnknownPlace | None:
-        """The place of what the final model lacks."""
-        self.tell(stages.PLACE)
+    def place(self, fit: Fit) -> UnknownPlace | None:
+        """The place of what the final model lacks: one law acts at one place."""
+        end = self.end
+        several = np.count_nonzero(self.view.significant(end.coarse)) > 1
+        if self.course.stopped or end.curves or end.changing is not None or several:
+            return None
+        self.course.tell(stages.PLACE)
         ratio = end.coarse.likelihood.deviation / self.view.floor
-        return unknown_place(self.fine.context, fit, lambda: None, [int(j) for j in np.argsort(-ratio)[:1]])
+        return unknown_place(self.fine.context, fit, lambda: None, [int(np.argmax(ratio))])
 
-    def final(self, end: _End, curves: bool) -> Stair:
+    def final(self) -> Stair:
         """The final model."""
-        phase, last = self.view.context.first_phase, None
-        if end.resolution == "fine" and not end.curves:
-            fit = end.fine.fit
+        if self.at_noise:
+            fit = self.end.fine.fit
+            known = Known(fit.layout, fit.x)
             covariance = self.fine.context.covariance(fit)
-            layout, x = fit.layout, fit.x
         else:
-            kept = () if curves else end.curves
-            plain = without_curves(end.coarse.fit, kept)
-            layout, x, covariance = plain.layout, plain.x, plain.covariance(end.coarse.fit)
-        added = [e for e in layout.effects if e not in self.own.effects]
-        known = _Known(layout, x)
-        return Stair(added[-1] if added else last, layout, x, covariance, self.band.errors(known, phase))
+            plain = without_curves(self.end.coarse.fit, () if self.curves else self.end.curves)
+            known = Known(plain.layout, plain.x)
+            covariance = plain.covariance(self.end.coarse.fit)
+        added = [e for e in known.layout.effects if e not in self.own.effects]
+        errors = self.course.band.errors(known, self.view.context.first_phase)
+        return Stair(added[-1] if added else None, known.layout, known.x, covariance, errors)
 
     def rivals(self) -> Mapping[ChosenEffect, Sequence[str]]:
         """Effects → laws for which they were swapped without a clear gain or loss."""
         out: dict[ChosenEffect, list[str]] = {}
-        for move in self.trace:
-            if move.kind == "swap" and abs(move.gain.delta) < max(2 * move.gain.error, 10.0):
+        for move in self.course.trace:
+            if move.kind == "swap" and not move.gain.clear:
                 for old in map(_effect, move.removed):
                     same = [new.effect for new in map(_effect, move.added) if new.joint == old.joint]
                     out.setdefault(old, []).extend(same)
         return out
 
-    def with_curve(self, result: Diagnosis) -> Diagnosis:
-        """The result with a free curve; without if the user stops it."""
-        try:
-            longer = with_free_curve(self.measurements, result, self.say)
-        except Interrupted:
-            return replace(result, stopped=True)
-        return replace(longer, seconds=time.perf_counter() - self.began)
+
+def with_curve(course: Course, result: Diagnosis) -> Diagnosis:
+    """The result with a free curve; without if the user stops it."""
+    try:
+        longer = with_free_curve(course.measurements, result, course.say)
+    except Interrupted:
+        return replace(result, stopped=True)
+    return replace(longer, seconds=time.perf_counter() - course.began)
 
 
 def _effect(key: object) -> ChosenEffect:
     assert isinstance(key, ChosenEffect)
     return key
-
-
-@dataclass(frozen=True, eq=False)
-class _Known:
-    layout: Layout
-    x: Array

@@ -54,7 +54,7 @@ class Scoring:
 
 
 class Resolution(ABC, Generic[AnyFit]):
-    """Models of one set at one resolution: a `Problem` of the search.
+    """Models of one set at one resolution: a `MoveProblem` of the search.
 
     Args:
         measurements: the set.
@@ -141,7 +141,15 @@ class Resolution(ABC, Generic[AnyFit]):
         new = self.parts(after) - self.parts(before)
         episode = bool(new) and all(map(is_episode, new))
         trace = self.trace(before, new) if tried else 0.0
-        return gain(before.likelihood, after.likelihood, tried * self.places(episode), episode, trace)
+        found = gain(before.likelihood, after.likelihood, tried * self.places(episode), episode, trace)
+        if episode and any(self.significant(after)[[e.place.own_joint for e in new]]):
+            # what happens once is not told from a model error that is left all the time
+            return replace(found, error=np.inf)
+        return found
+
+    def significant(self, model: Model[AnyFit]) -> NDArray[np.bool_]:
+        """Joints with a model error that counts, shape (n,)."""
+        return np.zeros(self.own.n, bool)
 
     def trace(self, model: Model[AnyFit], new: Collection[ChosenEffect]) -> float:
         """What the laws of a model may leave on the joints of new effects, as none is exact [nats]."""
@@ -166,9 +174,13 @@ class Resolution(ABC, Generic[AnyFit]):
 
     def above(self, model: Model[AnyFit]) -> float:
         """How much moves may gain together: all that is above the noise [nats]."""
+        return float(self.above_by_joint(model).sum())
+
+    def above_by_joint(self, model: Model[AnyFit]) -> Array:
+        """The part of each joint, shape (n,) [nats]."""
         like = model.likelihood
         count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
-        return float(np.sum(count * np.log(like.deviation / self.floor) / like.times))
+        return np.asarray(count * np.log(like.deviation / self.floor) / like.times)
 
     def at_noise(self, model: Model[AnyFit]) -> bool:
         """Whether no move can gain what it costs."""
@@ -188,8 +200,9 @@ class Resolution(ABC, Generic[AnyFit]):
             time = like.times.min() if joint is None else like.times[joint]
             tried = len(found) * self.places(is_episode(s.effect))
             cost = chance(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
-            promise = EFFORT.reach * 0.5 * s.gain / time - cost
-            out.append(Candidate(s.effect, self.rivalry(s.effect), float(promise), s))
+            promise = EFFORT.reach * 0.5 * s.gain / time - cost - self.trace(model, {s.effect})
+            last = is_episode(s.effect)  # of the right size and length, it explains a part of anything
+            out.append(Candidate(s.effect, self.rivalry(s.effect), float(promise), s, last))
         return out
 
     def rivalry(self, effect: ChosenEffect) -> object:

@@ -30,12 +30,14 @@ class Candidate:
         place: of several candidates of one place, the best is tried.
         promise: what it gains at most, estimated in closed form [nats], less its cost.
         content: for the problem.
+        last: whether it can imitate much, so that everything else is tried before.
     """
 
     key: Hashable
     place: Hashable
     promise: float
     content: Any = None
+    last: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Tried:
     resolution: str
 
 
-class Problem(Protocol[Model]):
+class MoveProblem(Protocol[Model]):
     """Models, their moves and their comparison.
 
     Attributes:
@@ -112,7 +114,7 @@ class Search(Generic[Model]):
 
     def __init__(
         self,
-        problem: Problem[Model],
+        problem: MoveProblem[Model],
         made: Callable[[Model], None] = lambda _: None,
         trace: list[Tried] | None = None,
     ) -> None:
@@ -123,18 +125,21 @@ class Search(Generic[Model]):
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
-        model = self.problem.pruned(model)
+        model, idle = self.problem.pruned(model), 0
         self.made(model)
         for _ in range(LIMITS.rounds):
             scored = self.problem.candidates(model)
-            chosen = best_of_each_place(c for c in scored if self.worth(c))
+            worth = [c for c in scored if self.worth(c)] if idle < LIMITS.idle else []
+            found, chosen = None, best_of_each_place(c for c in worth if not c.last)
+            if not chosen:
+                found = self.swapped(model) or (None if inner else self.with_unknown(model))
+                chosen = best_of_each_place(worth) if found is None else []
+                if found is None and not chosen:
+                    break
             if chosen:
                 self._refused |= {c.key: c.promise for c in chosen}
                 found = self.enlarged(model, chosen, len(scored))
-            else:
-                found = self.swapped(model) or (None if inner else self.with_unknown(model))
-                if found is None:
-                    break
+            idle = idle + 1 if found is None else 0
             if found is not None:
                 model = found
                 self.made(model)

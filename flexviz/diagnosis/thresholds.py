@@ -32,6 +32,7 @@ class SearchThresholds:
     """How much is tried."""
 
     rounds: int = 12  # of scoring what a model leaves
+    idle: int = 2  # rounds in a row without a find that end the additions
     singles: int = 2  # candidates tried one by one where all together are refused
     reach: float = 3.0  # times what its score promises, that a candidate may gain
     intervals: int = 5000  # in which an episode may lie

@@ -8,11 +8,12 @@ from flexviz.equation.motions import viscous_scale
 from flexviz.equation.products import FilteredProducts
 from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
 from flexviz.equation.reversal_nuisance import PulseGroup, Pulses, pulses, side_by_side
-from flexviz.equation.signals import Signals, build_signals, equation_stride
+from flexviz.equation.signals import Block, Signals, build_signals, equation_stride
 
 __all__ = [
     "INERTIAL_NAMES",
     "INERTIAL_UNITS",
+    "Block",
     "Chain",
     "Equation",
     "Evaluation",

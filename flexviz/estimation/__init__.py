@@ -5,7 +5,13 @@ from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
 from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
-from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_step, least_norm_solve
+from flexviz.estimation.linear_algebra import (
+    Bounds,
+    bounded_minimum,
+    bounded_step,
+    least_norm_solve,
+    scaled_inverse,
+)
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened
@@ -67,6 +73,7 @@ __all__ = [
     "refine",
     "residual_noise",
     "sandwich",
+    "scaled_inverse",
     "score",
     "score_covariance",
     "solve",
