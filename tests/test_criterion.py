@@ -186,5 +186,7 @@ def test_confidence_follows_what_a_finding_gains() -> None:
     assert confidence(replace(one, delta=20.0), False) < sure > 0.95
     assert confidence(replace(one, error=45.0), False) < sure
     assert 0.85 < confidence(one, doubtful=True) < sure  # a model error may be imitated
-    assert confidence(replace(one, delta=10.0 + LIMITS.temperature), False) == pytest.approx(0.73, abs=0.01)
+    assert confidence(
+        replace(one, delta=LIMITS.deviations * 5.0 + LIMITS.temperature), False
+    ) == pytest.approx(0.73, abs=0.01)
     assert confidence(replace(one, delta=-1e6), False) < 1e-9

@@ -98,7 +98,15 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     (tmp_path / "FILE.toml").write_text("groups = 1\nduration = 5.0\n")
 
     def known(measurements: Any, **options: Any) -> Any:
-        assert not options.keys() - {"apply", "guarded", "free_curve", "progress", "should_stop", "start"}
+        assert not options.keys() - {
+            "apply",
+            "guarded",
+            "free_curve",
+            "progress",
+            "should_stop",
+            "start",
+            "decoys",
+        }
         return replace(found, set_name=measurements.name)
 
     for place in DIAGNOSING:

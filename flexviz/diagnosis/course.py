@@ -58,6 +58,7 @@ class Course:
         view, fine: its models at both resolutions.
         trace: the moves that were tried.
         stopped: by the user.
+        searching: whether the user can stop it.
     """
 
     def __init__(
@@ -77,12 +78,14 @@ class Course:
         self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
         self.trace: list[Tried] = []
         self.best: CoarseModel | None = None
+        self.searching = True
 
     def say(self, text: str) -> None:
-        """Report progress; raise `Interrupted` if the user has stopped the diagnosis."""
-        self.stopped = self.stopped or (self.should_stop is not None and self.should_stop())
-        if self.stopped:
-            raise Interrupted
+        """Report progress; raise `Interrupted` if the user has stopped the search."""
+        if self.searching:
+            self.stopped = self.stopped or (self.should_stop is not None and self.should_stop())
+            if self.stopped:
+                raise Interrupted
         self.tell(text)
 
     def tell(self, text: str) -> None:
@@ -101,7 +104,11 @@ class Course:
         try:
             return self.searched()
         except Interrupted:
-            return self.interrupted()
+            self.searching = False
+            with stopped_by(never):
+                return self.ended(self.best or self.view.bare(), "coarse")
+        finally:
+            self.searching = False
 
     def searched(self) -> SearchEnd:
         """The end of the search at both resolutions."""
@@ -134,7 +141,7 @@ class Course:
             return bare
         self.say(stages.USUAL)
         rich = view.pruned(view.rich())
-        if view.context.set_standstill_apart(rich.fit):
+        if view.significant(rich).any() and view.context.set_standstill_apart(rich.fit):
             rich = view.rich()
         search = Search(view, self.made, self.trace)
         return view.with_first_movements(view.with_rest_angles(search.run(rich)))
@@ -152,13 +159,3 @@ class Course:
         plain = without_curves(coarse.fit, curves)
         iterations = FINE_ITERATIONS if resolution == "fine" and not curves else 0
         return SearchEnd(coarse, self.fine.fit(plain.layout, plain.x, iterations), resolution, curves)
-
-    def interrupted(self) -> SearchEnd:
-        """The end of a search that was stopped."""
-        with stopped_by(never):
-            self.stopped, stop = False, self.stopped
-            self.should_stop = None
-            best = self.best if self.best is not None else self.view.bare()
-            end = self.ended(best, "coarse")
-            self.stopped = stop
-        return end

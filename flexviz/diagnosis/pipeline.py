@@ -24,7 +24,7 @@ from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.still_groups import without_still_groups
-from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
+from flexviz.diagnosis.unknown_input import JOINTS, UnknownPlace, unknown_place
 from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -217,7 +217,7 @@ class _Description:
     def place(self, fit: Fit) -> UnknownPlace | None:
         """The place of what the final model lacks: one law acts at one place."""
         end = self.end
-        several = np.count_nonzero(self.view.significant(end.coarse)) > 1
+        several = self.own.n > JOINTS and np.count_nonzero(self.view.significant(end.coarse)) > 1
         if self.course.stopped or end.curves or end.changing is not None or several:
             return None
         self.course.tell(stages.PLACE)
@@ -251,6 +251,7 @@ class _Description:
 
 def with_curve(course: Course, result: Diagnosis) -> Diagnosis:
     """The result with a free curve; without if the user stops it."""
+    course.searching = True
     try:
         longer = with_free_curve(course.measurements, result, course.say)
     except Interrupted:
