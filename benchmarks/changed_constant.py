@@ -82,7 +82,7 @@ def main(arguments: list[str]) -> None:
     read_set = importlib.import_module("flexviz.measurements").read_set
     for folder in sets:
         try:
-            got = flexviz.diagnosis.pipeline(read_set(folder), apply=True).to_dict()
+            got = flexviz.diagnosis.diagnose(read_set(folder), apply=True).to_dict()
             effects = sorted(f"{e['effect']}:{e.get('joint')}" for e in got["model"]["effects"])
             said = {"verdict": got["verdict"], "last": got["steps"][-1]["verdict"], "effects": effects}
         except Exception as error:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flexviz.diagnosis.confidence import probability
 
 from benchmarks.diagnosis_study import document, figures, robots, tables
 from benchmarks.diagnosis_study import statistics as st
@@ -57,6 +56,7 @@ def found(effect: str, joint: str | None = "joint1", *ties: str) -> dict[str, An
         "payload": None,
         "group": None,
         "score": 0.9,
+        "confidence": CONFIDENCE,
     }
     return out | {"inseparable_from": [{"effect": tie, "joint": joint, "correlation": 1.0} for tie in ties]}
 
@@ -81,7 +81,8 @@ def answer(
     return {"diagnosis": document, "features": [FEATURES] * len(added)} | spent | more
 
 
-FEATURES = (6.0, 1.0, 0.0)  # of what was found
+FEATURES = (600.0, 10.0, 0.0)  # of what was found
+CONFIDENCE = 0.97
 COULOMB = hidden("coulomb_friction", coulomb=2.0)
 
 
@@ -212,9 +213,7 @@ def test_one_effect() -> None:
     }
     unexplained = answer("missing", found("coulomb_friction"), final="unknown")
     assert not judge(truth(COULOMB), known(), unexplained).base
-    assert case.held_out == pytest.approx(0.0) and case.stated == (
-        Stated(probability(FEATURES), True, FEATURES),
-    )
+    assert case.held_out == pytest.approx(0.0) and case.stated == (Stated(CONFIDENCE, True, FEATURES),)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@
     run      diagnose those without a result, and fit them with the truth known
     table    print the tables; --write puts them into benchmarks/results/diagnosis-study.md
     all      the three
-    calibrate  print weights of the confidence, and how those of either half of the cases do on the other
 
 Each can be interrupted and goes on where it was. The exit code is 1 when a required figure is not reached.
 """
@@ -19,9 +18,9 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
 
-from benchmarks.diagnosis_study import calibration, document, figures
+from benchmarks.diagnosis_study import document, figures
 from benchmarks.diagnosis_study.cases import Case, selected
-from benchmarks.diagnosis_study.judging import Judged, judge
+from benchmarks.diagnosis_study.judging import judge
 from benchmarks.diagnosis_study.making import is_made, truth_file
 from benchmarks.diagnosis_study.running import known_file, make_all, result_file, run_all
 from benchmarks.diagnosis_study.tables import Outcome
@@ -53,21 +52,13 @@ def table(work: Path, cases: list[Case], label: str, write: bool) -> bool:
     return all(f.passed is not False for f in figures.figures([case for case, _ in found]))
 
 
-def calibrate(cases: list[Judged]) -> None:
-    """Weights from all cases, and stated against right where each half has the other's weights."""
-    given = calibration.weights([s for half in calibration.halves(cases) for s in half])
-    print(f"WEIGHTS = {given}")
-    checked = calibration.crosswise(cases)
-    print(f"crosswise, {len(checked)} findings", *calibration.report(checked), sep="\n    ")
-
-
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.diagnosis_study",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", choices=("make", "run", "table", "all", "calibrate"))
+    parser.add_argument("command", choices=("make", "run", "table", "all"))
     parser.add_argument(
         "--work", type=Path, required=True, help="folder of the cases, their truth and results"
     )
@@ -88,8 +79,6 @@ def main(arguments: list[str] | None = None) -> int:
             run_all(options.work, names, options.jobs, options.label, options.scheduler)
         if options.command in ("table", "all"):
             return 0 if table(options.work, cases, options.label, options.write) else 1
-        if options.command == "calibrate":
-            calibrate([case for case, _ in outcomes(options.work, cases, options.label)])
     except KeyboardInterrupt:
         say("interrupted; what is done is kept")
         return 130

@@ -87,7 +87,7 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         tables.knowing(outcomes),
         "## Confidence",
         "Findings of all cases, decidable or not, by the confidence that was stated with them. The first "
-        "table also says what comes of weights fitted to one half of the cases and judged on the other.",
+        "table says how often they were right.",
         tables.calibration(outcomes),
         "## Every case that should be right and is not",
         tables.wrong(outcomes),

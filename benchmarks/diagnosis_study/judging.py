@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from flexviz.diagnosis.confidence import probability
 
 from benchmarks.diagnosis_study.answers import (
     COMPLETE,
@@ -25,7 +24,7 @@ from benchmarks.diagnosis_study.answers import (
 
 @dataclass(frozen=True)
 class Stated:
-    """A finding as it was stated: how sure, by the present weights; whether it was right; its features."""
+    """A finding as it was stated: how sure; whether it was right; its features."""
 
     confidence: float
     right: bool
@@ -152,10 +151,8 @@ def _stated(answer: Answer, features: list[list[float]], library: list[Json]) ->
     """What was added, in its order; nothing where the first was not named."""
     if answer.first is None:
         return ()
-    # older results also hold the margin over the best rival, whose weight is zero
-    present = [(gain, share, left) for gain, *_, share, left in features]
-    rows = zip(answer.added, present, strict=True)
-    return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
+    rows = zip(answer.added, features, strict=True)
+    return tuple(Stated(a["confidence"], any(same(a, t) for t in library), tuple(f)) for a, f in rows)
 
 
 def _deviations(library: list[Json], effects: list[Json]) -> dict[str, float]:
