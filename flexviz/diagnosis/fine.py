@@ -137,8 +137,12 @@ class Fine(Resolution[Fit]):
         """Each effect exchanged for a rival; at the noise no exchange can gain anything."""
         if self.at_noise(model):
             return []
-        firm = self.firm(model.layout)
-        return [partial(self.swapped, effect=e) for e in model.layout.effects if e not in firm]
+        firm, loud = self.firm(model.layout), self.loud(model)
+        return [
+            partial(self.swapped, effect=e)
+            for e in model.layout.effects
+            if e not in firm and (e.joint is None or loud[e.joint])
+        ]
 
     def swapped(self, model: FineModel, effect: ChosenEffect) -> FineModel:
         """The model with the best rival in place of an effect."""

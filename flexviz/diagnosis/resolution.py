@@ -182,6 +182,10 @@ class Resolution(ABC, Generic[AnyFit]):
         count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
         return np.asarray(count * np.log(like.deviation / self.floor) / like.times)
 
+    def loud(self, model: Model[AnyFit]) -> NDArray[np.bool_]:
+        """Joints that leave enough above the noise for an effect there, shape (n,)."""
+        return self.above_by_joint(model) > self.least()
+
     def at_noise(self, model: Model[AnyFit]) -> bool:
         """Whether no move can gain what it costs."""
         return self.above(model) < self.least()
@@ -190,11 +194,14 @@ class Resolution(ABC, Generic[AnyFit]):
         """What may be added, each with what it promises at most."""
         if self.at_noise(model):
             return []
-        fit, like = model.fit, model.likelihood
-        found = self.scores(fit, self.wanted(fit.layout))
+        fit, like, loud = model.fit, model.likelihood, self.loud(model)
+        wanted = [e for e in self.wanted(fit.layout) if e.joint is None or loud[e.joint]]
+        found = self.scores(fit, wanted)
         out = []
         for s in found:
             law, joint = EFFECTS[s.effect.effect], s.effect.joint
+            if joint is not None and not loud[joint]:
+                continue  # an episode
             if law.expected and not credible(fit, s.effect, self.raw_step, s.values):
                 continue
             time = like.times.min() if joint is None else like.times[joint]
