@@ -134,8 +134,8 @@ class Fine(Resolution[Fit]):
         return found
 
     def swaps(self, model: FineModel) -> Iterable[Callable[[FineModel], FineModel]]:
-        """Each effect exchanged for a rival; at the noise no exchange can gain anything."""
-        if self.at_noise(model):
+        """Each effect exchanged for a rival; a complete model leaves nothing that one could gain."""
+        if self.at_noise(model) or self.complete(model):
             return []
         firm, loud = self.firm(model.layout), self.loud(model)
         return [
