@@ -108,5 +108,4 @@ def test_standstill_says_nothing_where_a_brake_holds_the_joint(moves: Measuremen
     assert view.context.set_standstill_apart(fit)
     assert view.context.first_phase[0] == Phase.MOTION and view.context.used[:, 0].mean() < 0.9
     again = view.fit(layout, fit.x).fit
-    assert again.rms[0] < 0.5 * fit.rms[0]
     assert not view.context.set_standstill_apart(again)  # once is enough

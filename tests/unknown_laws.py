@@ -1,4 +1,4 @@
-"""Laws of no library on the planar arm, their places, and a search whose parts a test replaces."""
+"""Laws of no library on the planar arm, and their places."""
 
 from __future__ import annotations
 
@@ -9,14 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.diagnosis.candidates import with_effect
-from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
-from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.forward_search import ForwardSearch
-from flexviz.diagnosis.unknown_place import UnknownPlace
-from flexviz.effects import EFFECTS, ChosenEffect, JointState
+from flexviz.diagnosis.unknown_input import UnknownPlace
+from flexviz.effects import JointState
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, UnknownInput
+from flexviz.estimation import UnknownInput
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
@@ -48,19 +44,3 @@ def place_at(joint: int, layout: Layout, complete: bool = True) -> UnknownPlace:
     """A place on the link side of a joint."""
     left = 0.5 if complete else 5.0
     return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, left, True)
-
-
-def search_of(measurements: MeasurementSet, apply: bool = True) -> ForwardSearch:
-    """A search from the set's own model at its start values."""
-    layout = Layout(measurements.joints)
-    context = FitContext(measurements, layout)
-    base = context.fit(layout, context.start(layout).x, iterations=0)
-    return ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None, apply)
-
-
-def step_from(before: Fit, effect: ChosenEffect) -> SearchStep:
-    """An effect of no size added to a model, without a refit."""
-    nothing = np.zeros(len(EFFECTS[effect.effect].parameters))
-    added = with_effect(before.layout, before.x, effect, nothing)
-    scored = ScoredCandidate(effect, 1.0, nothing, np.zeros(1))
-    return SearchStep(before, RefittedCandidate(scored, replace(before, layout=added.layout, x=added.x)), {})

@@ -6,21 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import pi, sin
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose, forward_search
-from flexviz.diagnosis import pipeline as pipeline_module
+from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.beside_unknown import BesideUnknown
-from flexviz.diagnosis.comparison import SearchStep
-from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
+from flexviz.diagnosis.diagnose import Interrupted
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import SlowResidual
-from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
+from flexviz.diagnosis.unknown_input import unknown_place
 from flexviz.diagnosis.vibration import vibration
 from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Equation, Layout, build_signals
@@ -34,7 +30,7 @@ from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
 from tests.planar_arm import of_groups
 from tests.test_equation import made_up_set, point
-from tests.unknown_laws import Uneven, place_at, search_of, set_with, step_from
+from tests.unknown_laws import Uneven, place_at, set_with
 
 HERTZ = 2.7
 
@@ -176,101 +172,6 @@ def test_a_vibration_is_found_unless_the_motion_explains_it() -> None:
     assert vibration(slow(sine, np.sin(2 * np.pi * 1.07 * time), step), 0) is None  # its third harmonic
 
 
-@pytest.mark.parametrize(
-    ("joint", "complete", "apply", "kept"),
-    [(0, True, True, 1), (0, True, False, 1), (1, True, True, 0), (0, False, True, 2), (None, True, True, 2)],
-)
-def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
-    demo: MeasurementSet,
-    monkeypatch: pytest.MonkeyPatch,
-    joint: int | None,
-    complete: bool,
-    apply: bool,
-    kept: int,
-) -> None:
-    search = search_of(demo, apply)
-    layout, fit, steps = search.base.layout, search.base, []
-    for effect in (ChosenEffect("coulomb_friction", 0), ChosenEffect("torque_offset", 1)):
-        steps.append(step_from(fit, effect))
-        fit = steps[-1].after
-    search.steps = list(steps)
-    asked = []
-
-    def answer(_: FitContext, fit: Fit, check: object) -> UnknownPlace | None:
-        asked.append(fit.layout)
-        return None if joint is None else place_at(joint, fit.layout, complete)
-
-    monkeypatch.setattr(forward_search, "unknown_place", answer)
-    monkeypatch.setattr(forward_search, "effects_at_place", lambda *_: [])
-    search.find_place()
-    assert search.steps == steps[:kept]
-    # with effects left, the place is that of what is missing beside them; of use only if they are applied
-    assert asked == ([layout, search.final.layout] if kept and apply else [layout])
-    assert (search.place is None) == (joint is None or not apply)
-    assert search.place is None or search.place.layout == search.final.layout
-
-
-@pytest.mark.parametrize(
-    ("acts", "share", "complete", "instead"),
-    [
-        ((0, 1), 0.1, True, True),
-        ((0, 1), 0.1, False, True),
-        ((1, 1), 0.1, True, True),
-        ((1, 1), 0.1, False, False),
-        ((0, 1, 2), 0.1, True, False),
-        ((0, 1, 2), 0.01, True, True),
-    ],
-)
-def test_one_torque_that_explains_everything_is_better_than_few_effects(
-    demo: MeasurementSet,
-    monkeypatch: pytest.MonkeyPatch,
-    acts: tuple[int, ...],
-    share: float,
-    complete: bool,
-    instead: bool,
-) -> None:
-    """Spring, ripple and friction stood for friction in part of a wrist's range and left 207 times its noise.
-
-    A torque that leaves more does not speak against effects of that joint alone, and none is sought where
-    three joints have effects of weight.
-    """
-    search = search_of(demo, True)
-    monkeypatch.setattr(search, "place_of_base", lambda: place_at(1, search.base.layout, complete))
-    monkeypatch.setattr(search, "find_place", lambda: None)
-    pipeline = _Pipeline(demo, True, None, None, None)
-    monkeypatch.setattr(pipeline, "prepared", lambda: search)
-    monkeypatch.setattr(pipeline_module, "leaves_only_noise", lambda _: False)
-    monkeypatch.setattr(pipeline_module, "just_incomplete", lambda _: False)
-    names = ("coulomb_friction", "torque_offset", "cable_spring")
-    effects = [ChosenEffect(name, j) for name, j in zip(names, acts, strict=False)]
-    needed = {e: SimpleNamespace(share=share) for e in effects}
-    rich = cast(Any, SimpleNamespace(added=lambda _: effects, needed=needed))
-    assert pipeline.few_explain(rich, begun=False) == instead
-    pipeline.beside.close()
-
-
-def test_a_model_with_friction_that_was_fitted_before_the_search_is_not_fitted_again(
-    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pipeline = _Pipeline(demo, True, None, None, None)
-    pipeline.layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),))
-    monkeypatch.setattr(pipeline_module, "quiet", lambda _: False)
-    fits, fit = [], FitContext.fit
-
-    def recorded(self: FitContext, layout: Layout, x: np.ndarray, **options: Any) -> Fit:
-        found = fit(self, layout, x, **options)
-        if layout == pipeline.layout:
-            fits.append((options["iterations"], found.x))
-        return found
-
-    monkeypatch.setattr(FitContext, "fit", recorded)
-    assert not pipeline.near_noise_beside_reversals(cast(Any, None))
-    pipeline.prepared()
-    (first, x), (again, same) = fits
-    assert first > 0 == again and same == pytest.approx(x)
-    pipeline.beside.close()
-
-
 def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained(
     demo: MeasurementSet,
 ) -> None:
@@ -344,28 +245,3 @@ def test_a_residual_that_is_most_of_the_load_does_not_follow_it(carried: float, 
     data.load[:, 0] = carried * own + missing
     (found,) = (m for m in joint_maps(data, 0) if m.variable == "load")
     assert found.explained > 0.9 if says else found.explained == 0.0
-
-
-@pytest.mark.parametrize(("excess_with", "added"), [(8.0, 0), (2.0, 1)])
-def test_effects_beside_a_model_error_have_to_explain_more_than_an_arbitrary_torque(
-    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch, excess_with: float, added: int
-) -> None:
-    search = search_of(demo)
-    step = step_from(search.base, ChosenEffect("coulomb_friction", 1))
-
-    class Confirmed:
-        variance = np.ones(2)
-
-        def __init__(self, *_: object) -> None:
-            pass
-
-        def run(self, _: Fit) -> list[SearchStep]:
-            return [step]
-
-    monkeypatch.setattr(forward_search, "unknown_place", lambda _, fit, __: place_at(1, fit.layout, False))
-    monkeypatch.setattr(forward_search, "ModelErrorSearch", Confirmed)
-    monkeypatch.setattr(forward_search, "excess", lambda _: 100.0)
-    monkeypatch.setattr(search, "_left", lambda _: excess_with)
-    search.explain_the_rest()
-    assert len(search.steps) == added
-    assert (search.place is None) == (search.model_error_variance is not None) == bool(added)
