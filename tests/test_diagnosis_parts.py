@@ -4,33 +4,25 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.acceptance import Gained, credible, excess, needed_gain, verdict
-from flexviz.diagnosis.candidates import with_effect, without_effect
-from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep
-from flexviz.diagnosis.confidence import features, probability
-from flexviz.diagnosis.elimination import Necessity
-from flexviz.diagnosis.evidence import telling_motion
+from flexviz.diagnosis.acceptance import credible, excess
+from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.coarse import Coarse
+from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.forward_search import ForwardSearch
-from flexviz.diagnosis.free_curve_test import best_free_curve
-from flexviz.diagnosis.many_effects import ManyEffects
-from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
+from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.rich_search import RichSearch
-from flexviz.diagnosis.search import Search
-from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.ties import telling_motion
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.estimation import ESTIMATION, TrackingWhitening
 from flexviz.estimation.noise_propagation import NoiseDerivatives
-from flexviz.estimation.score_test import Projection, ScoredCandidate, explained
+from flexviz.estimation.score_test import Projection, explained
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
 from flexviz.measurements import read_set
@@ -141,20 +133,6 @@ def test_residual_alone_is_the_residual(demo: Any) -> None:
         np.testing.assert_allclose(seen.residual(x), seen.evaluate(x).residual, atol=1e-9)
 
 
-def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tuple[FitContext, Fit]) -> None:
-    fit_context, fit = base
-    search = Search(fit_context, lambda text: None)
-    scores = search.scores(fit)
-    weigh = search.weigh(fit)
-    coulomb = next(s for s in scores.ranked if s.effect == ChosenEffect("coulomb_friction", 1))
-    assert scores.ranked[0] is coulomb
-    right = best_free_curve(fit_context, fit, 1, weigh, scores.projection)
-    wrong = best_free_curve(fit_context, fit, 0, weigh, scores.projection)
-    assert right.variable in ("velocity", "position × direction")
-    assert coulomb.gain == pytest.approx(right.gain, rel=0.1)
-    assert wrong.gain < 0.5 * right.gain
-
-
 def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     fit = base[1]
     effect = ChosenEffect("torque_gain", 0)
@@ -171,200 +149,59 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     delay = ChosenEffect("torque_delay")
     assert credible(with_value(delay, 5e-4), delay, 1e-3)
     assert not credible(with_value(delay, 1e-5), delay, 1e-3)  # a hundredth of the record's step
-    before, elsewhere = Gained(1e5, np.array([1e5, 0.0])), Gained(1e5, np.array([0.0, 1e5]))
-    assert needed_gain(effect, elsewhere) < needed_gain(effect, before)
-    contact = ChosenEffect("external_contact", 0, "g1")
-    assert needed_gain(contact, before) == needed_gain(contact, elsewhere) > needed_gain(effect, before)
-    tilt = ChosenEffect("base_tilt")
-    assert needed_gain(tilt, elsewhere) == needed_gain(effect, before)
-    assert needed_gain(tilt, Gained(2e5, np.array([1e5, 1e5]))) == needed_gain(tilt, before)
-    assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
-
-
-@pytest.mark.parametrize("effects, noise, more", [((), 1.3, 3.2), (("coulomb_friction",), 2.6, 4.5)])
-def test_one_joint_of_an_arm_may_be_structured_where_the_mean_is_not(
-    effects: tuple[str, ...], noise: float, more: float
-) -> None:
-    layout = Layout(tuple("abcdefg"), tuple(ChosenEffect(name, 1) for name in effects))
-
-    def bare(chi: float) -> Any:
-        values = np.append(np.full(6, 1.05), chi)
-        return SimpleNamespace(chi=values, chi_held_out=values, layout=layout)
-
-    limits = THRESHOLDS.acceptance
-    assert excess(bare(more)) < (limits.structured_excess if effects else limits.structured_excess_smooth)
-    assert verdict(bare(more), bare(more)) == "unknown"
-    assert verdict(bare(noise), bare(noise)) == "nothing-missing"
+    assert excess(fit) > 10
 
 
 @pytest.mark.parametrize(
-    "effect, before, expected",
-    [
-        ("joint_damping", 1.2, "unknown"),
-        ("joint_damping", 2e3, "nothing-missing"),
-        ("backlash", 1.2, "nothing-missing"),
-    ],
+    ("reversals", "noise", "more"), [(False, 1.3, 1.5), (True, 2.4, 3.5)], ids=["smooth", "reversals"]
 )
-def test_effects_without_reversals_leave_little(effect: str, before: float, expected: str) -> None:
-    """Two imitations of a wobbling mass left three quarters of what was missing."""
-
-    def model(left: float, effects: tuple[ChosenEffect, ...]) -> Any:
-        values = np.full(2, 1 + left)
-        return SimpleNamespace(chi=values, chi_held_out=values, layout=Layout(("a", "b"), effects))
-
-    assert verdict(model(0.9, (ChosenEffect(effect, 0),)), model(before, ())) == expected
-
-
-def test_a_refined_law_has_to_earn_its_freedom(base: tuple[FitContext, Fit]) -> None:
-    fit_context, fit = base
-    search = Search(fit_context, lambda _: None)
-
-    def tried(effect: str, joint: int, objective: float) -> RefittedCandidate:
-        scored = ScoredCandidate(ChosenEffect(effect, joint), 1.0, np.zeros(1), np.zeros(1))
-        return RefittedCandidate(scored, replace(fit, objective=objective))
-
-    refined, simple = tried("presliding_hysteresis", 1, 100.0), tried("coulomb_friction", 1, 105.0)
-    assert search.simplest([refined, simple]) is simple
-    worse = tried("coulomb_friction", 1, 100.0 + 2 * THRESHOLDS.acceptance.nested_gain)
-    assert search.simplest([refined, worse]) is refined
-    assert search.simplest([refined, tried("coulomb_friction", 0, 105.0)]) is refined
-    assert search.simplest([refined, tried("backlash", 1, 105.0)]) is refined
-
-
-def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
-    demo: Any, base: tuple[FitContext, Fit]
+def test_a_complete_model_leaves_hardly_more_than_noise(
+    demo: Any, reversals: bool, noise: float, more: float
 ) -> None:
-    """A fit that ended with a wrong stiffness, and an effect whose fit found the right one."""
-    fit_context, _ = base
-    search = Search(fit_context, lambda _: None)
-    layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),))
-    right = fit_context.fit(layout, layout.vector(identify(demo, effects=["coulomb_friction:joint2"]).model))
-    x = right.x.copy()
-    x[layout.compliance] *= 3.0
-    stuck = fit_context.fit(layout, x, iterations=0)
-    added = with_effect(layout, right.x, ChosenEffect("stiffness_hardening", 0), np.zeros(1))
-    with_more, start = added.layout, added.x
-    led_out = fit_context.fit(with_more, start, iterations=2)
-    scored = ScoredCandidate(ChosenEffect("stiffness_hardening", 0), 1.0, np.zeros(1), np.zeros(1))
-    again = search.restarted(stuck, RefittedCandidate(scored, led_out), Gained(0.0, np.zeros(2)))
-    assert again is not None and again.layout == layout
-    assert again.objective < right.objective + THRESHOLDS.acceptance.least_gain
-    # Coulomb friction itself is needed
-    plain = Layout(demo.joints)
-    without = fit_context.fit(plain, x[: plain.size], iterations=0)
-    scored = ScoredCandidate(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
-    assert search.restarted(without, RefittedCandidate(scored, right), Gained(0.0, np.zeros(2))) is None
+    """Where friction reverses, its torque is only roughly known, and more may be left."""
+    own = Layout(demo.joints)
+    layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),) if reversals else ())
+    fine = Fine(FitContext(demo, own), own, lambda _: None)
+    model = fine.fit(layout, fine.context.start(layout).x, iterations=4)
+    for chi, complete in ((noise, True), (more, False)):
+        level = np.full(2, chi)
+        left = replace(model.fit, chi=level, chi_held_out=level)
+        assert fine.complete(replace(model, fit=left)) == complete
+    one = replace(model.fit, chi=np.array([1.0, 5.0]), chi_held_out=np.ones(2))
+    assert not fine.complete(replace(model, fit=one))  # a single joint is enough
 
 
-def test_rivals_are_compared_where_the_leader_scores_nothing_and_by_their_best_stretch(
-    base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fit_context, fit = base
-    search = Search(fit_context, lambda _: None)
+@pytest.mark.parametrize("said", range(1, 8))
+def test_a_stop_at_any_time_gives_what_was_found_by_then(demo: Any, said: int) -> None:
+    """And no more: no effect is added that the search had not accepted."""
+    calls: list[bool] = []
 
-    def scored(effect: ChosenEffect, gain: float, values: list[float]) -> ScoredCandidate:
-        return ScoredCandidate(effect, gain, np.array(values), np.zeros(1))
+    def stop() -> bool:
+        calls.append(True)
+        return len(calls) > 3 * said
 
-    friction = scored(ChosenEffect("coulomb_friction", 1), 100.0, [2.0])
-    group = fit_context.fit_groups[0].name
-    contact = scored(ChosenEffect("external_contact", 1, group), 90.0, [1.0, 2.0, 3.0])
-    leader = RefittedCandidate(friction, search.refit(fit, friction, 3).fit)
-    elsewhere = scored(contact.effect, 1.0, [0.1, 4.0, 5.0])  # in another stretch of the group
-    for ranked in ([contact], [friction, contact, elsewhere]):
-        found = CandidateScores(ranked, search.scores(fit, {friction.effect}).projection)
-        monkeypatch.setattr(search, "scores", lambda *_, found=found: found)
-        compared = search.rivals(fit, leader, [contact])
-        monkeypatch.undo()
-        assert {friction.effect, contact.effect} <= {r.effect for r in compared.refitted}
-        assert not compared.ruled_out
+    result = diagnose(demo, apply=True, should_stop=stop)
+    assert result.stopped == (len(calls) > 3 * said) and result.steps and result.model is not None
+    assert {f.text for f in result.findings} <= {"coulomb_friction:joint2"}
+    assert len(result.steps) == 1 + len(result.findings)
+    assert len(result.model.effects) == len(result.findings)
 
 
-def test_a_stop_while_effects_are_dropped_keeps_what_was_found(
-    demo: Any, base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    context, fit = base
-    effects = [ChosenEffect(name, 1) for name in ("torque_offset", "coulomb_friction", "backlash")]
-    steps = []
-    for effect in effects:
-        added = with_effect(fit.layout, fit.x, effect, np.zeros(len(EFFECTS[effect.effect].parameters)))
-        before, fit = fit, replace(fit, layout=added.layout, x=added.x)
-        scored = ScoredCandidate(effect, 1.0, np.zeros(1), np.zeros(1))
-        steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
-    answers = iter((True, False))  # a stop that is said once
-    pipeline = _Pipeline(demo, True, None, None, lambda: next(answers))
-    search = ForwardSearch(context, base[1], pipeline.say, lambda fit: None, lambda start: None)
-    search.steps = list(steps)
-    fewer = without_effect(fit.layout, fit.x, effects[0])
-    smaller = replace(fit, layout=fewer.layout, x=fewer.x)
-    monkeypatch.setattr(search.search, "without_superfluous", lambda *_: smaller)
-    with pytest.raises(Interrupted):
-        search.drop_superfluous()
-    assert search.steps == steps
-    with pytest.raises(Interrupted):
-        pipeline.check_stop()
-
-
-def test_a_stopped_search_backwards_gives_the_best_model_so_far(
-    demo: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    effects = [ChosenEffect(name, 1) for name in ("coulomb_friction", "torque_offset", "joint_damping")]
-    kept = dict.fromkeys(effects, Necessity(10.0, 1.0, 0.1, 0.1, 0.1, True, False, False))
-
-    def find(many: ManyEffects) -> None:
-        layout = Layout(demo.joints, tuple(effects))
-        many.search.keep(many.search.fit(layout, many.context.start(layout).x), kept)
-        stops.append(True)
-        many.say("more of it")
-
-    stops: list[bool] = []
-    monkeypatch.setattr(RichSearch, "near_noise", lambda _: None)
-    monkeypatch.setattr(ManyEffects, "find", find)
-    result = diagnose(demo, should_stop=lambda: bool(stops))
-    assert result.stopped and result.verdict == "missing" and len(result.steps) == 1
-    assert result.findings[0].text == "coulomb_friction:joint2" and len(result.findings) == 3
-    assert result.findings[0].parameters["coulomb"].value == pytest.approx(3.0, rel=0.01)
-
-
-def test_confidence_follows_what_speaks_for_it() -> None:
-    nothing = probability((0.0, 0.5, 0.0))
-    assert nothing < probability((6.0, 1.0, 0.0)) <= THRESHOLDS.evidence.max_confidence
-    for k, step in enumerate((1.0, 0.2, -1.0)):  # gain, share, and what is left
-        more = [6.0, 0.5, 2.0]
-        less = list(more)
-        less[k] -= step
-        assert probability(less) < probability(more)
-
-
-def judged(objective: float, chi: float, chi_held_out: float) -> Any:
-    """A fit of two joints, as far as its confidence depends on it."""
-    return SimpleNamespace(objective=objective, chi=np.full(2, chi), chi_held_out=np.full(2, chi_held_out))
-
-
-def test_a_trace_of_what_an_effect_explains_casts_no_doubt_on_it() -> None:
-    """Nor in the held-out groups, unless it explains less of them: an imitation does not predict them."""
-    before = judged(1e5, 1e8, 1e8)
-    chi = [(250.0, 1.0), (250.0, 250.0), (250.0, 1e6), (1e6, 1.0)]
-    traces = [judged(1e4, *each) for each in chi]
-    sure, traced, imitating, coarse = (probability(features(before, after, after)) for after in traces)
-    assert sure > 0.9 and traced > 0.9 and imitating < 0.1 and coarse < 0.1
-    unchecked = judged(1e4, 250.0, np.nan)
-    for known in (before, judged(1e5, 1e8, np.nan)):
-        assert probability(features(known, unchecked, unchecked)) < 0.1
-
-
-def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> None:
-    fit_context, fit = base
+def test_what_tells_two_effects_apart_is_named(demo: Any) -> None:
+    own = Layout(demo.joints)
+    view = Coarse(MotionContext(demo, own.joints, stand_ins=True), own, lambda _: None)
+    signals = view.context.signals
     rng = np.random.default_rng(0)
-    mine = np.zeros(fit.point.r.shape)
-    speed = np.abs(fit_context.two_band.narrow.signals.theta[1, :, 1])
+    mine = np.zeros((signals.count, 2))
+    speed = np.abs(signals.theta[1, :, 1])
     fast = speed > np.quantile(speed, 0.9)
     mine[fast, 1] = 1.0
     other = mine + 0.0
     other[fast, 1] += rng.standard_normal(fast.sum())
     mine, other = (m.ravel() / np.linalg.norm(m) for m in (mine, other))
-    sentence = telling_motion(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, other)
-    assert f"fast motion of {fit.layout.joints[1]}" in sentence
-    assert "same" in telling_motion(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, mine)
+    effect = ChosenEffect("coulomb_friction", 1)
+    assert f"fast motion of {own.joints[1]}" in telling_motion(view, effect, mine, other)
+    assert "same" in telling_motion(view, effect, mine, mine)
 
 
 def test_errors_of_every_group_add_up(demo: Any, base: tuple[FitContext, Fit]) -> None:
