@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import cos
+from math import cos, exp, tanh
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,19 @@ class Uneven(ExtraLaw):
 
     def pull(self, at: JointState) -> Pull:
         return Pull(joint=self.share * self.stiffness * cos(5 * at.theta) * (at.theta - at.q))
+
+
+@dataclass(frozen=True)
+class Rough(ExtraLaw):
+    """Friction in a part of the motor's range."""
+
+    peak: float = 3.0
+    position: float = 0.1
+    width: float = 0.25
+
+    def pull(self, at: JointState) -> Pull:
+        size = self.peak * exp(-(((at.theta - self.position) / self.width) ** 2))
+        return Pull(motor=size * tanh(at.theta_velocity / 0.005))
 
 
 def set_with(
