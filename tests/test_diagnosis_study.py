@@ -12,15 +12,14 @@ import pytest
 
 from benchmarks.diagnosis_study import document, figures, robots, tables
 from benchmarks.diagnosis_study import statistics as st
-from benchmarks.diagnosis_study.__main__ import main
+from benchmarks.diagnosis_study.__main__ import calibrate, main
 from benchmarks.diagnosis_study.cases import TWINS, Case, cases, selected
-from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same
+from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same, stated_confidence
 from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
 from benchmarks.diagnosis_study.oracle import true_model, with_hidden
 from benchmarks.diagnosis_study.running import final_model
 from benchmarks.diagnosis_study.sizes import SIZES
-from flexviz.diagnosis.confidence import probability
 from flexviz.effects import EFFECTS, ChosenEffect, JointState
 from flexviz.equation import Layout
 from flexviz.measurements import read_set
@@ -56,6 +55,7 @@ def found(effect: str, joint: str | None = "joint1", *ties: str) -> dict[str, An
         "payload": None,
         "group": None,
         "score": 0.9,
+        "confidence": SURE,
     }
     return out | {"inseparable_from": [{"effect": tie, "joint": joint, "correlation": 1.0} for tie in ties]}
 
@@ -80,7 +80,7 @@ def answer(
     return {"diagnosis": document, "features": [FEATURES] * len(added)} | spent | more
 
 
-FEATURES = (6.0, 1.0, 0.0)  # of what was found
+SURE, FEATURES = 0.92, (60.0, 5.0, 0.0)  # of what was found
 COULOMB = hidden("coulomb_friction", coulomb=2.0)
 
 
@@ -198,6 +198,16 @@ def test_twins_count_only_where_the_tie_is_reported() -> None:
     assert not same(found("cable_spring", "joint1", "torque_offset"), hidden("torque_offset"))
 
 
+def test_where_members_of_a_family_tie_the_family_is_the_finding() -> None:
+    family = {"name": "dry_friction", "tied": True, "confidence": 0.97,
+              "members": ["coulomb_friction", "presliding_hysteresis"]}  # fmt: skip
+    one = found("coulomb_friction", "joint1", "presliding_hysteresis") | {"family": family}
+    assert same(one, hidden("presliding_hysteresis")) and not same(one, hidden("stribeck_friction"))
+    assert stated_confidence(one) == 0.97 and stated_confidence(found("backlash")) == SURE
+    loose = one | {"family": family | {"tied": False}, "inseparable_from": []}
+    assert stated_confidence(loose) == SURE and not same(loose, hidden("presliding_hysteresis"))
+
+
 def test_one_effect() -> None:
     case = judge(truth(COULOMB), known(coulomb=2.001), answer("missing", found("coulomb_friction")))
     assert case.right and case.first_right and case.decidable and case.named == ("coulomb_friction", "joint1")
@@ -211,9 +221,7 @@ def test_one_effect() -> None:
     }
     unexplained = answer("missing", found("coulomb_friction"), final="unknown")
     assert not judge(truth(COULOMB), known(), unexplained).base
-    assert case.held_out == pytest.approx(0.0) and case.stated == (
-        Stated(probability(FEATURES), True, FEATURES),
-    )
+    assert case.held_out == pytest.approx(0.0) and case.stated == (Stated(SURE, True, FEATURES),)
 
 
 @pytest.mark.parametrize(
@@ -293,6 +301,11 @@ def test_tables_and_page(tmp_path: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text.startswith("# What the diagnosis finds") and text.rstrip().endswith(document.TAIL)
     assert "| single-2r-000 |" in text and document.text(document.parts(judged))
+
+
+def test_stated_against_right(capsys: pytest.CaptureFixture[str]) -> None:
+    calibrate([case for case, _ in outcomes()])
+    assert capsys.readouterr().out == "0.90-0.95: 1 of 2 right, stated 0.920\n"
 
 
 def test_command_without_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

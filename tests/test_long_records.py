@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import motion_fit, motion_samples
+from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.residuals import joint_residuals
-from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, PulseGroup, Pulses, fine_signals, pulses, reversal_nuisance
 from flexviz.equation.fine_signals import FineSignals
@@ -106,10 +107,11 @@ def test_candidates_of_a_long_record_are_scored_fewer_at_a_time(
 ) -> None:
     layout, x = x_of(context)
     fit = context.fit(layout, x, iterations=1)
-    search = Search(context, lambda text: None)
-    whole = search.scores(fit, episodes=False).ranked
+    fine = Fine(context, layout, lambda _: None)
+    wanted = candidates(layout, context.measurements.groups)
+    whole = fine.scores(fit, wanted, episodes=False)
     monkeypatch.setattr(score_test, "MAX_BATCH_NUMBERS", 1.0)
-    parts = search.scores(fit, episodes=False).ranked
+    parts = fine.scores(fit, wanted, episodes=False)
     assert [s.effect for s in parts] == [s.effect for s in whole]
     np.testing.assert_allclose([s.gain for s in parts], [s.gain for s in whole], rtol=1e-3, atol=1e-3)
 

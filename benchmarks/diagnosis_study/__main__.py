@@ -4,7 +4,7 @@
     run      diagnose those without a result, and fit them with the truth known
     table    print the tables; --write puts them into docs/diagnosis-study.md
     all      the three
-    calibrate  print weights of the confidence, and how those of either half of the cases do on the other
+    calibrate  print how often findings are right, by the confidence that was stated with them
 
 Each can be interrupted and goes on where it was. The exit code is 1 when a required figure is not reached.
 """
@@ -19,7 +19,8 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
 
-from benchmarks.diagnosis_study import calibration, document, figures
+from benchmarks.diagnosis_study import document, figures
+from benchmarks.diagnosis_study import statistics as st
 from benchmarks.diagnosis_study.cases import Case, selected
 from benchmarks.diagnosis_study.judging import Judged, judge
 from benchmarks.diagnosis_study.making import is_made, truth_file
@@ -53,11 +54,10 @@ def table(work: Path, cases: list[Case], label: str, write: bool) -> bool:
 
 
 def calibrate(cases: list[Judged]) -> None:
-    """Weights from all cases, and stated against right where each half has the other's weights."""
-    given = calibration.weights([s for half in calibration.halves(cases) for s in half])
-    print(f"WEIGHTS = {given}")
-    checked = calibration.crosswise(cases)
-    print(f"crosswise, {len(checked)} findings", *calibration.report(checked), sep="\n    ")
+    """Stated against right, a line a bin."""
+    for low, high, mean, right in st.calibration([s for case in cases for s in case.stated]):
+        if right.count:
+            print(f"{low:.2f}-{high:.2f}: {right.hits} of {right.count} right, stated {mean:.3f}")
 
 
 def main(arguments: list[str] | None = None) -> int:

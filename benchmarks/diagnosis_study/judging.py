@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.diagnosis_study.cases import TWINS
-from flexviz.diagnosis.confidence import probability
 from flexviz.effects import EFFECTS
 
 Json = dict[str, Any]
@@ -22,7 +21,13 @@ NOTHING, UNKNOWN = "nothing", "unknown"
 
 @dataclass(frozen=True)
 class Stated:
-    """A finding as it was stated: how sure, by the present weights; whether it was right; its features."""
+    """A finding as it was stated.
+
+    Attributes:
+        confidence: that it is right; of its family where the members tie.
+        right: whether it was.
+        features: what it gains, the standard error of that [nats], and 1 where a model error is left.
+    """
 
     confidence: float
     right: bool
@@ -99,14 +104,23 @@ class Judged:
 
 
 def same(found: Json, true: Json) -> bool:
-    """Whether it is the true effect in its place, or a twin that is reported as tied with it."""
+    """Whether it is the true effect in its place, or one of the same family that is reported as tied."""
     jointless = true["effect"] in JOINTLESS or found["effect"] in JOINTLESS
     joint_right = jointless or found.get("joint") == true["joint"]
     if found["effect"] == true["effect"]:
         same_payload = found.get("payload") == true["payload"]
         return joint_right and (same_payload or EFFECTS[true["effect"]].scope != "payload")
     tied = any(tie["effect"] == true["effect"] for tie in found.get("inseparable_from", []))
-    return tied and joint_right and frozenset((found["effect"], true["effect"])) in TWINS
+    family = found.get("family")
+    together = bool(family) and family["tied"] and true["effect"] in family["members"]
+    twins = frozenset((found["effect"], true["effect"])) in TWINS
+    return tied and joint_right and (together or twins)
+
+
+def stated_confidence(added: Json) -> float | None:
+    """How sure a finding is stated to be: of the family, where its members tie; None if it is not stated."""
+    family = added.get("family")
+    return family["confidence"] if family and family["tied"] else added.get("confidence")
 
 
 def judge(truth: Json, known: Json, result: Json) -> Judged:
@@ -183,10 +197,8 @@ def _stated(
     """What was added, in its order; nothing where the first was not named."""
     if first is None:
         return ()
-    # older results also hold the margin over the best rival, whose weight is zero
-    present = [(gain, share, left) for gain, *_, share, left in features]
-    rows = zip(added, present, strict=True)
-    return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
+    rows = [(stated_confidence(a), a, tuple(f)) for a, f in zip(added, features, strict=True)]
+    return tuple(Stated(p, any(same(a, t) for t in library), f) for p, a, f in rows if p is not None)
 
 
 def _pairs(library: list[Json], effects: list[Json]) -> Iterator[tuple[str, float, float, float | None]]:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.diagnosis_study.judging import stated_confidence
 from flexviz.effects import free_curve
 
 Json = dict[str, Any]
@@ -53,7 +54,7 @@ class Addition:
     """An effect that a diagnosis added.
 
     Attributes:
-        confidence: as stated; None if the result does not state one.
+        confidence: as stated, of the family where its members tie; None if none is stated.
         right: whether it or its twin is hidden on that joint.
         imitation: whether it is wrong and stands on a joint with a law of no library.
         kept: whether the final model still has it.
@@ -156,8 +157,9 @@ def score(truth: Json, result: Json) -> Scored:
 def _additions(library: list[Json], places: set[str], got: Json, final: list[Json]) -> Iterator[Addition]:
     """What was added in the steps, then what the final model has without a step of its own."""
     steps = [step["added"] for step in got.get("steps") or [] if step.get("added")]
-    stated = {_place(c): c.get("confidence") for c in reversed(got.get("candidates", [])[:1])}
-    stated |= {_place(a): a["confidence"] for a in (*steps, *final) if a.get("confidence") is not None}
+    stated = {_place(c): stated_confidence(c) for c in reversed(got.get("candidates", [])[:1])}
+    given = ((_place(a), stated_confidence(a)) for a in (*steps, *final))
+    stated |= {place: sure for place, sure in given if sure is not None}
     kept = {_place(a) for a in final}
     for place in dict.fromkeys(_place(a) for a in (*steps, *final)):
         added = {"effect": place[0], "joint": place[1]}
