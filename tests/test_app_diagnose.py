@@ -57,7 +57,7 @@ def one_error_everywhere(app: Application) -> None:
     content = gather(app.store.session, app.store.measurements)
     tile = next(tile for tile in numbers(content) if tile.label == "Error")
     assert tile.value.removesuffix(" %").split(" → ")[-1] == said[1]
-    # and nearly what identification alone gives, which has no prior of the CAD model: no other band
+    # and nearly what identification alone gives: no other band, whatever the observer
     errors = identified_errors(app.store.measurements, app.store.analysis)
     assert errors is not None and errors.rms_validation is not None
     assert total_rms(errors.rms_validation) == pytest.approx(float(said[2]), rel=0.05)

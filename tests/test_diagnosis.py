@@ -2,7 +2,9 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +15,11 @@ from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
-from flexviz.measurements import read_set
+from flexviz.measurements import MeasurementSet, read_set
 from flexviz.progress import Progress
 from flexviz.resources import sessions_dir
+from tests.planar_arm import HELD_OUT, planar_set
+from tests.unknown_laws import Uneven, set_with
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 CASES = SHARED / "practice" / "cases"
@@ -47,6 +51,15 @@ def test_demo_lacks_coulomb_friction(diagnosed_demo: Diagnosis) -> None:
     assert sum(diagnosed_demo.steps[-1].rms_validation) < 0.3 * sum(diagnosed_demo.steps[0].rms_validation)
 
 
+def test_the_trace_says_why(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:
+    """What the search tried, with what each move gains and its error."""
+    assert all(move.error >= 0 and move.resolution in ("coarse", "fine") for move in diagnosed_demo.trace)
+    own = replace(demo, effects=("coulomb_friction:joint1",))
+    for move in diagnose(own, apply=True).trace:
+        assert bool(move.why) != move.accepted
+        assert "coulomb_friction:joint1" not in move.removed  # the set's own effects stay
+
+
 def test_json_is_the_contract(diagnosed_demo: Diagnosis) -> None:
     document = json.loads(json.dumps(diagnosed_demo.to_dict()))
     assert document["format"] == 1 and document["verdict"] == "missing"
@@ -67,12 +80,12 @@ def test_json_is_the_contract(diagnosed_demo: Diagnosis) -> None:
 
 def test_words(diagnosed_demo: Diagnosis) -> None:
     said = diagnosed_demo.summary().splitlines()
-    assert said[0].startswith("Missing: Coulomb friction on joint2: ")
+    assert said[0].startswith("Missing: Coulomb friction on joint2: > 99 % of the error")
     assert said[1].startswith("  1. coulomb_friction on joint2: coulomb ")
     assert any("nothing-missing" in line for line in said)
 
 
-def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed_demo: Diagnosis) -> None:
+def test_the_best_model_so_far_is_told_early_and_kept_by_a_stop(diagnosed_demo: Diagnosis) -> None:
     news: list[Progress] = []
 
     def said() -> list[str]:
@@ -80,6 +93,7 @@ def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed_demo: 
 
     result = diagnose(
         read_set(sessions_dir() / "planar-2r-demo"),
+        apply=True,
         progress=news.append,
         should_stop=lambda: len(said()) == 2,
     )
@@ -96,9 +110,45 @@ def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed_demo: 
         assert step.rms_validation is not None
         share = np.mean(np.divide(step.rms_validation, diagnosed_demo.torque_spread))
         assert float(percent) == pytest.approx(100 * share, rel=0.1)
-    # it is no verdict: nothing is found, the note says how far the search had come
-    assert result.stopped and len(result.steps) == 1
-    assert [finding.text for finding in result.findings] == ["coulomb_friction:joint2"]
+    # what the search had found by then is kept
+    assert result.stopped and [f.text for f in result.findings] == ["coulomb_friction:joint2"]
+    shares = [one.share for one in news if one.share is not None]
+    assert all(a <= b for a, b in pairwise(shares))
+
+
+def test_stopped_at_once_nothing_is_found() -> None:
+    result = diagnose(read_set(sessions_dir() / "planar-2r-demo"), apply=True, should_stop=lambda: True)
+    assert result.stopped and len(result.steps) == 1 and not result.findings
+    assert result.model is not None and not result.model.effects
+
+
+@pytest.mark.parametrize(
+    ("hidden", "place", "values"),
+    [
+        ("torque_gain:joint2:gain_error=0.25", "torque_gain:joint2", {"gain_error": 0.25}),
+        (
+            "external_contact:joint2:group=t1p1:torque=8:start=2.2:end=3.1",
+            "external_contact:joint2@t1p1",
+            {"torque": 8.0, "start": 2.2, "end": 3.1},
+        ),
+        ("payload_error:p2:relative_mass_error=0.04", "payload_error:p2", {"relative_mass_error": 0.04}),
+    ],
+)
+def test_one_hidden_effect(hidden: str, place: str, values: dict[str, float], tmp_path: Path) -> None:
+    result = diagnose(planar_set(tmp_path / "set", (hidden,), 7, groups=HELD_OUT), apply=True, guarded=False)
+    (found,) = result.findings
+    assert found.text == place and found.confidence > 0.9
+    assert {name: p.value for name, p in found.parameters.items()} == pytest.approx(values, rel=0.02)
+    assert [step.verdict for step in result.steps] == ["missing", "nothing-missing"]
+
+
+def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
+    """A spring that is softer at some angles is neither backlash nor a hardening one."""
+    measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
+    result = diagnose(measurements, apply=True)
+    assert result.verdict == "unknown" and len(result.steps) == 1 and not result.findings
+    (place,) = (note.text for note in result.notes if note.kind == "place")
+    assert "in the transmission of joint2" in place and result.where[0].joint == "joint2"
 
 
 def test_candidates_respect_what_goes_with_what():

@@ -13,9 +13,8 @@ import pytest
 from benchmarks.diagnosis_study import document, figures, robots, tables
 from benchmarks.diagnosis_study import statistics as st
 from benchmarks.diagnosis_study.__main__ import main
-from benchmarks.diagnosis_study.answers import same
 from benchmarks.diagnosis_study.cases import TWINS, Case, cases, selected
-from benchmarks.diagnosis_study.judging import Judged, Stated, judge
+from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same, stated_confidence
 from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
 from benchmarks.diagnosis_study.oracle import true_model, with_hidden
@@ -56,7 +55,7 @@ def found(effect: str, joint: str | None = "joint1", *ties: str) -> dict[str, An
         "payload": None,
         "group": None,
         "score": 0.9,
-        "confidence": CONFIDENCE,
+        "confidence": SURE,
     }
     return out | {"inseparable_from": [{"effect": tie, "joint": joint, "correlation": 1.0} for tie in ties]}
 
@@ -81,8 +80,7 @@ def answer(
     return {"diagnosis": document, "features": [FEATURES] * len(added)} | spent | more
 
 
-FEATURES = (600.0, 10.0, 0.0)  # of what was found
-CONFIDENCE = 0.97
+SURE, FEATURES = 0.92, (60.0, 5.0, 0.0)  # of what was found
 COULOMB = hidden("coulomb_friction", coulomb=2.0)
 
 
@@ -200,6 +198,16 @@ def test_twins_count_only_where_the_tie_is_reported() -> None:
     assert not same(found("cable_spring", "joint1", "torque_offset"), hidden("torque_offset"))
 
 
+def test_where_members_of_a_family_tie_the_family_is_the_finding() -> None:
+    family = {"name": "dry_friction", "tied": True, "confidence": 0.97,
+              "members": ["coulomb_friction", "presliding_hysteresis"]}  # fmt: skip
+    one = found("coulomb_friction", "joint1", "presliding_hysteresis") | {"family": family}
+    assert same(one, hidden("presliding_hysteresis")) and not same(one, hidden("stribeck_friction"))
+    assert stated_confidence(one) == 0.97 and stated_confidence(found("backlash")) == SURE
+    loose = one | {"family": family | {"tied": False}, "inseparable_from": []}
+    assert stated_confidence(loose) == SURE and not same(loose, hidden("presliding_hysteresis"))
+
+
 def test_one_effect() -> None:
     case = judge(truth(COULOMB), known(coulomb=2.001), answer("missing", found("coulomb_friction")))
     assert case.right and case.first_right and case.decidable and case.named == ("coulomb_friction", "joint1")
@@ -213,7 +221,7 @@ def test_one_effect() -> None:
     }
     unexplained = answer("missing", found("coulomb_friction"), final="unknown")
     assert not judge(truth(COULOMB), known(), unexplained).base
-    assert case.held_out == pytest.approx(0.0) and case.stated == (Stated(CONFIDENCE, True, FEATURES),)
+    assert case.held_out == pytest.approx(0.0) and case.stated == (Stated(SURE, True, FEATURES),)
 
 
 @pytest.mark.parametrize(

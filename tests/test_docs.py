@@ -81,7 +81,8 @@ def test_every_public_name_is_in_the_reference(site: Path) -> None:
     documented = set()
     for file in (site / "reference").glob("*.html"):
         documented |= {name.rsplit(".", 1)[-1] for name in Page(file.read_text(encoding="utf-8")).ids}
-    assert not set(flexviz.__all__) - documented - {"__version__"}
+    missing = set(flexviz.__all__) - documented - {"__version__"}
+    assert not missing, sorted(missing)
 
 
 def test_a_broken_link_fails_the_build(tmp_path: Path) -> None:

@@ -86,14 +86,23 @@ def read_answer(truth: Json, got: Json) -> Answer:
 
 
 def same(found: Json, true: Json) -> bool:
-    """Whether it is the true effect in its place, or a twin that is reported as tied with it."""
+    """Whether it is the true effect in its place, or one of the same family that is reported as tied."""
     jointless = true["effect"] in JOINTLESS or found["effect"] in JOINTLESS
     joint_right = jointless or found.get("joint") == true["joint"]
     if found["effect"] == true["effect"]:
         same_payload = found.get("payload") == true["payload"]
         return joint_right and (same_payload or EFFECTS[true["effect"]].scope != "payload")
     tied = any(tie["effect"] == true["effect"] for tie in found.get("inseparable_from", []))
-    return tied and joint_right and frozenset((found["effect"], true["effect"])) in TWINS
+    family = found.get("family")
+    together = bool(family) and family["tied"] and true["effect"] in family["members"]
+    twins = frozenset((found["effect"], true["effect"])) in TWINS
+    return tied and joint_right and (together or twins)
+
+
+def stated_confidence(added: Json) -> float | None:
+    """How sure a finding is stated to be: of the family, where its members tie; None if it is not stated."""
+    family = added.get("family")
+    return family["confidence"] if family and family["tied"] else added.get("confidence")
 
 
 def value_errors(library: list[Json], effects: list[Json]) -> dict[str, float]:

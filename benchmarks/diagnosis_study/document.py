@@ -86,8 +86,8 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         "χ² a sample of its worst joint, in the fit groups; 1 is the measurement noise.",
         tables.knowing(outcomes),
         "## Confidence",
-        "Findings of all cases, decidable or not, by the confidence that was stated with them. The first "
-        "table says how often they were right.",
+        "Findings of all cases, decidable or not, by the confidence that was stated with them; where members "
+        "of a family tie, of the family.",
         tables.calibration(outcomes),
         "## Every case that should be right and is not",
         tables.wrong(outcomes),

@@ -17,6 +17,7 @@ from benchmarks.diagnosis_study.answers import (
     library_effects,
     read_answer,
     same,
+    stated_confidence,
     value_errors,
     value_pairs,
 )
@@ -24,7 +25,7 @@ from benchmarks.diagnosis_study.answers import (
 
 @dataclass(frozen=True)
 class Stated:
-    """A finding as it was stated: how sure; whether it was right; its features."""
+    """A finding as stated: how sure, of its family where members tie; whether it was right; features."""
 
     confidence: float
     right: bool
@@ -151,8 +152,8 @@ def _stated(answer: Answer, features: list[list[float]], library: list[Json]) ->
     """What was added, in its order; nothing where the first was not named."""
     if answer.first is None:
         return ()
-    rows = zip(answer.added, features, strict=True)
-    return tuple(Stated(a["confidence"], any(same(a, t) for t in library), tuple(f)) for a, f in rows)
+    rows = [(stated_confidence(a), a, tuple(f)) for a, f in zip(answer.added, features, strict=True)]
+    return tuple(Stated(p, any(same(a, t) for t in library), f) for p, a, f in rows if p is not None)
 
 
 def _deviations(library: list[Json], effects: list[Json]) -> dict[str, float]:

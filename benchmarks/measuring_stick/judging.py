@@ -19,6 +19,7 @@ from benchmarks.diagnosis_study.answers import (
     library_effects,
     read_answer,
     same,
+    stated_confidence,
     value_errors,
 )
 from benchmarks.diagnosis_study.making import UNSCORED
@@ -117,7 +118,7 @@ def _few(truth: Json, got: Json | None) -> Json:
     else:
         verdict_right = answer.verdict == COMPLETE
     errors = value_errors(library, got["model"]["effects"])
-    stated = [(a.get("confidence"), any(same(a, t) for t in library)) for a in answer.added]
+    stated = [(stated_confidence(a), any(same(a, t) for t in library)) for a in answer.added]
     found = [t for t, hit in zip(library, answer.found, strict=True) if hit]
     return {
         "must": must,

@@ -14,7 +14,6 @@ import numpy as np
 from benchmarks.diagnosis_study.making import truth_file
 from benchmarks.diagnosis_study.running import result_file
 from benchmarks.paper_study.tables import Table, plain
-from benchmarks.robotlike_study.calibration import crosswise, overall
 from benchmarks.robotlike_study.judging import Addition, Scored, score
 from benchmarks.robotlike_study.running import made_cases
 
@@ -54,7 +53,6 @@ def report(cases: Sequence[Scored], planned: int) -> str:
         error_rows(answered),
         "\nStated confidence of what was added, and how much of it is hidden there (or its twin)",
         calibration_rows([a for c in answered for a in c.additions]),
-        *scaled_lines(answered),
     ]
     return "\n".join(part if isinstance(part, str) else plain(part) for part in parts)
 
@@ -176,22 +174,6 @@ def calibration_rows(additions: Iterable[Addition]) -> Table:
          _share(silent, lambda a: a.right or a.imitation)]
     )  # fmt: skip
     return rows
-
-
-def scaled_lines(cases: Sequence[Scored]) -> Iterator[str]:
-    """How far confidences hold that are scaled by the other half of the cases, and the scale of all."""
-    try:
-        stated, right = crosswise(cases)
-    except ValueError:  # a half without findings
-        return
-    yield "\nThe same, each half of the cases scaled as the other half says"
-    for low, high in pairwise(BINS):
-        inside = (stated >= low) & ((stated < high) | (high == BINS[-1]))
-        if inside.any():
-            count, mean = int(inside.sum()), stated[inside].mean()
-            yield f"{low:g} to {high:g}: {right[inside].sum()} of {count} right, stated {mean:.3f}"
-    offset, factor = overall(cases)
-    yield f"log-odds of all cases: {offset:.3f} + {factor:.3f} × stated"
 
 
 def _share(items: Sequence[T], hit: Callable[[T], bool]) -> str:
