@@ -47,9 +47,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def app(folder: Path) -> Iterator[Application]:
+def server(folder: Path) -> Iterator[Application]:
     with running(folder.parent, folder) as application:
         yield application
+
+
+@pytest.fixture
+def app(server: Application, folder: Path) -> Application:
+    """On the small set, whatever the test before has opened."""
+    if server.store.measurements.name != folder.name:
+        reopen(server, folder)
+    return server
 
 
 def step(app: Application, kind: type[AnyStep]) -> AnyStep:

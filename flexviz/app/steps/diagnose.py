@@ -195,7 +195,8 @@ class DiagnoseStep(WorkflowStep):
             analysis = analysis.with_diagnosis(model.diagnosis)
             store.change(model.label, analysis)
         self._select_joint()
-        store.say(f"{label} in {number(diagnosis.seconds, 2)} s")
+        end = "stopped; " if diagnosis.stopped else ""
+        store.say(f"{end}{label} in {number(diagnosis.seconds, 2)} s")
 
     def _select_joint(self) -> None:
         """Select the joint of the best finding."""
