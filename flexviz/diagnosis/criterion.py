@@ -204,7 +204,7 @@ def gain(
     held, harmed = each[before.held_out], False
     if len(held) > 2:
         scatter = float(np.sqrt(len(held)) * held.std(ddof=1))
-        harmed = bool(held.sum() < -LIMITS.deviations * scatter)
+        harmed = bool(held.sum() < -chance(1) - LIMITS.deviations * scatter)
     return Gain(delta, error, by_joint, errors, harmed)
 
 

@@ -7,8 +7,7 @@ import numpy as np
 from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
-FINEST_DELAY = 0.02  # of the recording's step: accuracy of time stamps
-FINEST_DELAY_BESIDE_TWIN = 0.1  # the same beside joint damping, which the torque's hold resembles
+FINEST_DELAY = 0.1  # of the recording's step: a drive holds its torque between the steps of its own clock
 
 
 class TorqueDelay(Effect):
@@ -39,10 +38,8 @@ class TorqueDelay(Effect):
         return Terms("torque", joints, now - late[:3], late[1:4][None])
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        """Whether the delay exceeds the accuracy of time stamps, and of the torque's hold beside damping."""
-        beside_twin = any(twin in evidence.effects for twin in self.twins)
-        finest = FINEST_DELAY_BESIDE_TWIN if beside_twin else FINEST_DELAY
-        return super().credible(values, evidence) and abs(values[0]) > finest * evidence.record_step
+        """Whether the delay exceeds what the hold of a torque between two samples resembles."""
+        return super().credible(values, evidence) and abs(values[0]) > FINEST_DELAY * evidence.record_step
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.002,)
