@@ -8,7 +8,7 @@ priors are firm (`firm_start`), so that a quantity that the data do not show sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -222,9 +222,10 @@ class MotionContext:
         observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
         step = sample_step([s for g in groups for s in g.segments], HERTZ)
         edge = LONGEST_EDGE
-        return build_signals(
+        made = build_signals(
             self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge
         )
+        return replace(made, sharp=True)
 
     @cached_property
     def phases(self) -> Phases:
