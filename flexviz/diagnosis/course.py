@@ -114,11 +114,9 @@ class Course:
         """The end of the search at both resolutions."""
         coarse = self.coarse_search()
         view = self.view
-        if view.significant(coarse).any():
-            return self.ended(coarse, "coarse")
         end = self.ended(coarse, "fine")
-        if end.curves:
-            return end
+        if end.curves or (view.significant(coarse).any() and not self.fine.complete(end.fine)):
+            return replace(end, resolution="coarse")
         self.tell(stages.FINE)
         assert view.reference is not None
         self.fine.reference = end.fine.likelihood

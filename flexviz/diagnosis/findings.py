@@ -82,6 +82,7 @@ def findings(
     stairs: Sequence[Stair],
     band: PredictionErrorBand,
     rivals: Mapping[ChosenEffect, Sequence[str]],
+    doubtful: NDArray[np.bool_],
 ) -> list[Finding]:
     """One finding per added effect, in the order of the staircase.
 
@@ -91,9 +92,9 @@ def findings(
         stairs: the staircase.
         band: in which errors are stated.
         rivals: effects → laws that fit as well.
+        doubtful: shape (n,), joints with a model error that an effect may imitate.
     """
-    doubtful, last = view.significant(model), stairs[-1]
-    found = []
+    last, found = stairs[-1], []
     for before, after in pairwise(stairs):
         effect = after.added
         assert effect is not None

@@ -114,9 +114,16 @@ class _Description:
     def verdict(self) -> Verdict:
         """Whether the model is complete."""
         end = self.end
-        if end.curves or end.changing is not None or self.view.significant(end.coarse).any():
+        if end.curves or end.changing is not None:
             return "unknown"
-        return "unknown" if self.at_noise and not self.fine.complete(end.fine) else "nothing-missing"
+        complete = self.fine.complete(end.fine) if self.at_noise else not self.doubtful.any()
+        return "nothing-missing" if complete else "unknown"
+
+    @property
+    def doubtful(self) -> NDArray[np.bool_]:
+        """Joints with a model error that an effect may imitate, shape (n,)."""
+        found = self.view.significant(self.end.coarse)
+        return found & False if self.at_noise else found
 
     def result(self) -> Diagnosis:
         """The result."""
@@ -124,7 +131,9 @@ class _Description:
         end, last, final = self.end, self.verdict(), self.final()
         stairs = staircase(self.view, end.coarse, final, self.course.band)
         gains = self.fine.gains(end.fine) if self.at_noise else self.view.gains(end.coarse)
-        found = findings(self.view, end.coarse, gains, stairs, self.course.band, self.rivals())
+        found = findings(
+            self.view, end.coarse, gains, stairs, self.course.band, self.rivals(), self.doubtful
+        )
         if not self.curves:
             found = [one for one in found if not one.stopgap]
         taken = list(steps(stairs, found, last))
