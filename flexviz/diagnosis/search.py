@@ -129,11 +129,11 @@ class Search(Generic[Model]):
         self.made(model)
         for _ in range(LIMITS.rounds):
             scored = self.problem.candidates(model)
-            worth = [c for c in scored if self.worth(c)] if idle < LIMITS.idle else []
+            worth = [c for c in scored if self.worth(c)]
             found, chosen = None, best_of_each_place(c for c in worth if not c.last)
-            if not chosen:
+            if not chosen or idle >= LIMITS.idle:
                 found = self.swapped(model) or (None if inner else self.with_unknown(model))
-                chosen = best_of_each_place(worth) if found is None else []
+                chosen = best_of_each_place(c for c in worth if c.last) if found is None else []
                 if found is None and not chosen:
                     break
             if chosen:
