@@ -109,13 +109,13 @@ def compared(rng: np.random.Generator, rho: float, size: float) -> Gain:
 
 
 @pytest.mark.parametrize(("rho", "size"), [(0.0, 0.2), (0.0, 1.0), (0.7, 0.3)])
-def test_the_standard_error_is_the_scatter_of_repetitions(rho: float, size: float) -> None:
+def test_the_standard_error_is_the_scatter_of_repetitions_or_a_little_more(rho: float, size: float) -> None:
     rng = np.random.default_rng(4)
     found = [compared(rng, rho, size) for _ in range(300)]
     scatter = np.std([one.delta for one in found], ddof=1)
-    assert np.mean([one.error for one in found]) == pytest.approx(scatter, rel=0.15)
+    assert 0.9 < np.mean([one.error for one in found]) / scatter < 1.5
     by_joint = np.std([one.by_joint[0] for one in found], ddof=1)
-    assert np.mean([one.errors[0] for one in found]) == pytest.approx(by_joint, rel=0.15)
+    assert 0.9 < np.mean([one.errors[0] for one in found]) / by_joint < 1.5
     assert found[0].delta == pytest.approx(found[0].by_joint.sum())  # neither parameters nor candidates
 
 
@@ -136,19 +136,19 @@ def test_a_move_that_changes_nothing_costs_its_parameters_and_its_choice() -> No
     assert gain(before, after).why == "it costs more than it gains"
 
 
-def test_what_happens_once_is_judged_within_its_own_stretch() -> None:
+def test_what_happens_once_is_judged_by_the_noise_alone_where_that_is_all_that_is_left() -> None:
     """No other stretch confirms a contact: the scatter between stretches is as large as what it gains."""
     rng = np.random.default_rng(6)
     noise = rng.standard_normal((1000, 1))
     pushed = noise.copy()
     pushed[500:550] += 1.5
-    before, after = of(pushed), of(noise)
-    plain, episode = gain(before, after), gain(before, after, episode=True)
-    assert plain.delta == episode.delta > 8
-    assert plain.error > 0.5 * plain.delta and not plain.accepted
-    assert plain.why == "what it gains may be chance"
-    assert episode.error == pytest.approx(np.sqrt(2 * episode.delta)) and episode.accepted
-    assert not gain(after, before, episode=True).accepted
+    found = gain(of(pushed), of(noise))
+    assert found.accepted and not found.reversed.accepted
+    by_noise = np.sqrt(2 * found.by_joint.sum())
+    assert found.error == pytest.approx(by_noise, rel=0.2)
+    error = np.sqrt(2) * noise  # half of the variance is a model error
+    unsure = gain(of(error + pushed - noise), of(error))
+    assert unsure.delta > 2 and not unsure.accepted and unsure.why == "what it gains may be chance"
 
 
 def test_a_move_that_harms_held_out_groups_is_refused() -> None:

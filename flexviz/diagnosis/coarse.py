@@ -225,7 +225,7 @@ class Coarse(Resolution[MotionFit]):
             extra = 2 * (model is after)
             return likelihood(only, sigma, 0.0, extra, np.inf, before.likelihood.times, fixed=True)
 
-        return gain(like(before), like(after), self.tried, episode=True)
+        return gain(like(before), like(after), self.tried)
 
     def unknowns(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
         """A free curve on a joint with a significant model error, the largest first."""

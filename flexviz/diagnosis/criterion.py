@@ -54,6 +54,7 @@ class Likelihood:
         held_out: shape (S,), stretches that were not fitted.
         times: shape (n,), samples per independent one.
         deviation: shape (n,), √(Σ_noise + m) of each joint, in units of the residuals.
+        model_error: shape (n,), share m / (Σ_noise + m) of that.
         other: −log prior, and what unknown pulses cost [nats].
         freedom: number of parameters of the effects.
         samples: independent samples of all joints.
@@ -63,6 +64,7 @@ class Likelihood:
     held_out: Bools
     times: Array
     deviation: Array
+    model_error: Array
     other: float
     freedom: int
     samples: float
@@ -100,7 +102,8 @@ def likelihood(
         held_out += [k > 0] * len(part.stretches)
     times = correlation_times(parts) if times is None else times
     samples = float(np.sum(count / times))
-    return Likelihood(np.concatenate(losses), np.array(held_out), times, sigma, other, freedom, samples)
+    error = 1 - (floor / sigma) ** 2
+    return Likelihood(np.concatenate(losses), np.array(held_out), times, sigma, error, other, freedom, samples)
 
 
 def _deviation(parts: Sequence[Residuals], count: Array, outlier: float) -> Array:
@@ -173,34 +176,36 @@ class Gain:
         return "held-out groups are described less well" if self.harmed else ""
 
 
-def gain(
-    before: Likelihood, after: Likelihood, tried: int = 0, episode: bool = False, trace: float = 0.0
-) -> Gain:
+def gain(before: Likelihood, after: Likelihood, tried: int = 0, trace: float = 0.0) -> Gain:
     """What a move from one model to another gains.
+
+    Where the better model leaves noise alone, its distribution is known, and a gain Δ has the variance 2 Δ of
+    a log likelihood ratio. Where it leaves a model error, only the scatter between stretches tells how surely
+    Δ would be gained again. Between these, each counts by its share of the residual's variance.
 
     Args:
         before, after: likelihoods of the models, over the same stretches.
         tried: candidates among which the move was chosen; the best of many gains something by chance. None
             are tried where a part of the model is exchanged for a rival.
         trace: what approximate laws leave, which a further effect has to exceed [nats].
-        episode: the models differ by what happens once, so that no other stretch can confirm it: the standard
-            error is that of a log likelihood ratio within its own stretch.
     """
     better = after if after.losses.sum() < before.losses.sum() else before
     falls = (before.losses - after.losses) / better.times
     by_joint = falls.sum(axis=0)
-    errors = (
-        np.sqrt(len(falls)) * falls.std(axis=0, ddof=1) if len(falls) > 2 else np.full(len(by_joint), np.inf)
-    )
+    noise, count = 2 * (1 - better.model_error) * np.abs(by_joint), len(falls)
+    uncertain = falls * np.sqrt(better.model_error)
+    scatter = np.where(better.model_error > 0, np.inf, 0.0)
+    together = float(scatter.max())
+    if count > 2:
+        scatter = count * uncertain.var(axis=0, ddof=1)
+        together = count * float(uncertain.sum(axis=1).var(ddof=1))
     each = falls.sum(axis=1)
-    error = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 2 else np.inf
+    errors, error = np.sqrt(noise + scatter), float(np.sqrt(noise.sum() + together))
     more = after.freedom - before.freedom
     size = 0.5 * more * float(np.log(max(better.samples, 2.0)))
     delta = (
         float(each.sum()) + before.other - after.other - size - float(np.sign(more)) * (chance(tried) + trace)
     )
-    if episode:
-        error = float(np.sqrt(2 * max(delta, 0.0)))
     held, harmed = each[before.held_out], False
     if len(held) > 2:
         scatter = float(np.sqrt(len(held)) * held.std(ddof=1))

@@ -212,5 +212,5 @@ def _gains(data: Linearised, moves: Mapping[ChosenEffect, Array], tried: int) ->
         freedom = before.freedom - len(law.parameters)
         other = before.other + float(costs[k])
         smaller = likelihood(parts, data.floor, other, freedom, data.outlier, before.times)
-        out[effect] = gain(smaller, before, tried, episode=law.scope == "episode")
+        out[effect] = gain(smaller, before, tried)
     return out

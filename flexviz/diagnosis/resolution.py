@@ -141,15 +141,7 @@ class Resolution(ABC, Generic[AnyFit]):
         new = self.parts(after) - self.parts(before)
         episode = bool(new) and all(map(is_episode, new))
         trace = self.trace(before, new) if tried else 0.0
-        found = gain(before.likelihood, after.likelihood, tried * self.places(episode), episode, trace)
-        if episode and any(self.significant(after)[[e.place.own_joint for e in new]]):
-            # what happens once is not told from a model error that is left all the time
-            return replace(found, error=np.inf)
-        return found
-
-    def significant(self, model: Model[AnyFit]) -> NDArray[np.bool_]:
-        """Joints with a model error that counts, shape (n,)."""
-        return np.zeros(self.own.n, bool)
+        return gain(before.likelihood, after.likelihood, tried * self.places(episode), trace)
 
     def trace(self, model: Model[AnyFit], new: Collection[ChosenEffect]) -> float:
         """What the laws of a model may leave on the joints of new effects, as none is exact [nats]."""
@@ -180,7 +172,8 @@ class Resolution(ABC, Generic[AnyFit]):
         """The part of each joint, shape (n,) [nats]."""
         like = model.likelihood
         count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
-        return np.asarray(count * np.log(like.deviation / self.floor) / like.times)
+        noise = self.floor / (1 + LIMITS.noise_known)
+        return np.asarray(count * np.log(np.maximum(like.deviation / noise, 1.0)) / like.times)
 
     def loud(self, model: Model[AnyFit]) -> NDArray[np.bool_]:
         """Joints that leave enough above the noise for an effect there, shape (n,)."""

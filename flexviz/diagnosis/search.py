@@ -121,7 +121,7 @@ class Search(Generic[Model]):
         self.problem, self.made = problem, made
         self.trace: list[Tried] = [] if trace is None else trace
         self._refused = dict[Hashable, float]()  # candidates, and what they promised
-        self._settled = set[frozenset[Hashable]]()  # models of which no part is exchanged
+        self._settled = set[frozenset[Hashable]]()  # models to which nothing more is done but additions
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
@@ -132,12 +132,12 @@ class Search(Generic[Model]):
             worth = [c for c in scored if self.worth(c)]
             found, chosen = None, best_of_each_place(c for c in worth if not c.last)
             if not chosen or idle >= LIMITS.idle:
-                found = self.swapped(model) or (None if inner else self.with_unknown(model))
+                found = self.exchanged(model, inner)
                 chosen = best_of_each_place(c for c in worth if c.last) if found is None else []
                 if found is None and not chosen:
                     break
             if chosen:
-                self._refused |= {c.key: c.promise for c in chosen}
+                self._refused |= {c.key: c.promise for c in chosen[: LIMITS.singles]}
                 found = self.enlarged(model, chosen, len(scored))
             idle = idle + 1 if found is None else 0
             if found is not None:
@@ -161,15 +161,19 @@ class Search(Generic[Model]):
                 return larger
         return None
 
-    def swapped(self, model: Model) -> Model | None:
-        """The model with a part exchanged for a rival; None if no exchange is accepted."""
+    def exchanged(self, model: Model, inner: bool) -> Model | None:
+        """The model with a part exchanged for a rival, or with an unknown input; None if none is accepted."""
         parts = self.problem.parts(model)
-        for swap in self.problem.swaps(model) if parts not in self._settled else ():
+        if parts in self._settled:
+            return None
+        for swap in self.problem.swaps(model):
             other = swap(model)
             if self.accepted("swap", model, other, 0):
                 return other
-        self._settled.add(parts)
-        return None
+        found = None if inner else self.with_unknown(model)
+        if found is None:
+            self._settled.add(parts)
+        return found
 
     def with_unknown(self, model: Model) -> Model | None:
         """The model with an unknown input and what shows beside it; None if none is accepted."""
