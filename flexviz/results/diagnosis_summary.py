@@ -9,7 +9,14 @@ from rich.table import Table
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
 from flexviz.results.assessment import hints
-from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, ResultFields, StepEntry
+from flexviz.results.entries import (
+    AddedEntry,
+    CandidateEntry,
+    EffectEntry,
+    PlaceEntry,
+    ResultFields,
+    StepEntry,
+)
 from flexviz.results.tables import in_ascii, plain_table
 from flexviz.wording import (
     SAID_AS_SHARES,
@@ -151,7 +158,7 @@ def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Se
         yield f"     {member.joint}: {values(member)}" + (f"; not told apart from {twins}" if twins else "")
 
 
-def named(one: PlaceEntry) -> str:
+def named(one: CandidateEntry | AddedEntry) -> str:
     """The effect by its name on the command line, after the family that it stands for."""
     family = tied_family(one)
     return one.effect if family is None else f"{family_title(family.name)} ({UNTOLD}; here {one.effect})"

@@ -1,6 +1,6 @@
 """The 3D scene as plain data: robot shapes, motion, placement, and arcs of torque and deflection."""
 
-from flexviz.scene.arcs import JointAxis, arc_arrow, joint_axes
+from flexviz.scene.arcs import arc_arrow, joint_axes
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.scene.shape import (
     FIELD_OF_VIEW,
@@ -20,7 +20,6 @@ __all__ = [
     "LAYOUTS",
     "SIDE_BY_SIDE",
     "VIEWS",
-    "JointAxis",
     "RobotMotion",
     "RobotShape",
     "SceneLayout",

@@ -24,8 +24,6 @@ from flexviz.wording.errors import (
 )
 from flexviz.wording.findings import (
     ALONG,
-    Moved,
-    Placed,
     absorbed_list,
     confidence_of,
     curve_text,
@@ -48,7 +46,6 @@ from flexviz.wording.merging import (
     MergedFinding,
     added_families,
     confidence_range,
-    joint_score,
     joints_text,
     merged_findings,
     merged_texts,
@@ -72,8 +69,9 @@ from flexviz.wording.numbers import (
     temperature_text,
     unit_text,
 )
+from flexviz.wording.records import ParameterLike
 from flexviz.wording.shares import finding_key, found_shares, step_shares
-from flexviz.wording.trace import TRACE_TITLE, ToldMove, decoys_text, told_moves
+from flexviz.wording.trace import TRACE_TITLE, decoys_text, told_moves
 from flexviz.wording.verdicts import location, span_text, verdict_text
 
 __all__ = [
@@ -89,9 +87,7 @@ __all__ = [
     "UNTOLD",
     "Families",
     "MergedFinding",
-    "Moved",
-    "Placed",
-    "ToldMove",
+    "ParameterLike",
     "absorbed_list",
     "added_families",
     "as_markdown",
@@ -113,7 +109,6 @@ __all__ = [
     "finding_name",
     "found_shares",
     "interval",
-    "joint_score",
     "joints_text",
     "kinds_text",
     "left_text",

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol, TypeVar
-
 from flexviz.wording.numbers import plain_name
+from flexviz.wording.records import FamilyLike, NamedLike
 
 FAMILY_TITLES = {
     "dry_friction": "dry friction",
@@ -15,35 +13,12 @@ FAMILY_TITLES = {
 UNTOLD = "which kind, these data do not tell"
 
 
-class FamilyLike(Protocol):
-    """Effects whose signatures are alike."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def tied(self) -> bool: ...
-    @property
-    def members(self) -> Sequence[str]: ...
-    @property
-    def confidence(self) -> float: ...
-
-
-F = TypeVar("F", bound=FamilyLike, covariant=True)
-
-
-class InFamily(Protocol[F]):
-    """An effect that may belong to a family."""
-
-    @property
-    def family(self) -> F | None: ...
-
-
 def family_title(name: str) -> str:
     """ "dry friction"; the readable name of a family that has no title."""
     return FAMILY_TITLES.get(name, plain_name(name))
 
 
-def tied_family(finding: InFamily[F]) -> F | None:
+def tied_family(finding: NamedLike) -> FamilyLike | None:
     """The family that a finding stands for; None if the data tell which of its members acts."""
     return finding.family if finding.family is not None and finding.family.tied else None
 
