@@ -6,7 +6,7 @@ from flexviz.results.curves import curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
 from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ValueEntry
 from flexviz.results.lookup import ParameterNotFound, find_parameter
-from flexviz.results.summary import WIDE, parts, run_lines
+from flexviz.results.summary import WIDE, markdown, parts, run_lines
 from flexviz.results.tables import interval, plain_table
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "interval",
     "json_schema",
     "lacks_effects",
+    "markdown",
     "note_entries",
     "parts",
     "plain_table",
