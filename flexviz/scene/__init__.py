@@ -14,23 +14,3 @@ from flexviz.scene.shape import (
     scene_layout,
     thinned_mesh,
 )
-
-__all__ = [
-    "FIELD_OF_VIEW",
-    "LAYOUTS",
-    "SIDE_BY_SIDE",
-    "VIEWS",
-    "RobotMotion",
-    "RobotShape",
-    "SceneLayout",
-    "arc_arrow",
-    "geometry_mesh",
-    "joint_axes",
-    "measured_motion",
-    "nice_factor",
-    "robot_shape",
-    "scene_labels",
-    "scene_layout",
-    "thinned_mesh",
-    "with_replay",
-]
