@@ -64,7 +64,8 @@ class PlotPanel:
             self._steps = page.gui.add_html("")
             hint = "shows this model everywhere: robot, residual, parameters"
             self._models = page.choose(
-                page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint), self._show_model
+                page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint),
+                lambda number: store.show_model(self._ends[int(number)]),
             )
             hint = "draws this model beside the shown one, each coloured by its own error"
             self._beside = page.choose(
@@ -141,9 +142,6 @@ class PlotPanel:
         if len(self._ends) > 1:
             numbers = tuple(str(k) for k in range(len(self._ends)))
             self._models.options, self._beside.options = numbers, (*numbers, OFF)
-
-    def _show_model(self, number: str) -> None:
-        self._store.show_model(self._ends[int(number)])
 
     def _compare_with(self, number: str) -> None:
         """Draw another model beside the shown one, or none."""

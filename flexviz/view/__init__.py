@@ -12,6 +12,7 @@ from flexviz.view.effects import (
     heading_html,
     more_effects,
     so_far_html,
+    trace_html,
     verdict_html,
     why_fixed,
 )
@@ -69,5 +70,4 @@ from flexviz.view.time_charts import (
     states_charts,
     stretch,
 )
-from flexviz.view.trace import trace_html
 from flexviz.view.tuning import Cost, poles_html, residuals_html, trade_chart

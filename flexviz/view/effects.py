@@ -15,13 +15,16 @@ from flexviz.results import hints
 from flexviz.wording import (
     LIKELY,
     SAID_AS_SHARES,
+    TRACE_TITLE,
     MergedFinding,
     absorbed_list,
+    added_families,
     bounds_text,
     by_share,
     capitalised,
     confidence_of,
     confidence_range,
+    decoys_text,
     effect_text_name,
     effect_title,
     enters_text,
@@ -33,6 +36,7 @@ from flexviz.wording import (
     parameter_text,
     removes_text,
     tie_text,
+    told_moves,
     values_text,
     verdict_text,
 )
@@ -41,6 +45,8 @@ COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common
 """Always listed; the others are in folded sections."""
 
 MAX_PICTURE_BYTES = 60_000
+REFUSED = 8  # refused moves in the table of the search
+DECREASE = "decrease of the objective ± its standard error [nats]"
 KINDS = {
     "motor": "Motor side",
     "sensing": "Recorded torque",
@@ -235,3 +241,21 @@ def _member_rows(merged: MergedFinding[Finding], joints: Sequence[str]) -> str:
         hard = f" (hard to tell from {ties})" if ties else ""
         rows.append(f"<div>{escape(one.joint)}: {escape(values_text(one) + hard)}</div>")
     return "".join(rows)
+
+
+def trace_html(diagnosis: Diagnosis | None, joints: Sequence[str] = ()) -> str:
+    """Accepted and best refused moves, folded; empty where none are kept."""
+    if diagnosis is None or not diagnosis.trace:
+        return ""
+    moves = told_moves(diagnosis.trace, joints, added_families(diagnosis), refused=REFUSED)
+    rows = "".join(
+        f"<tr><td>{'✓' if move.accepted else '–'} {escape(move.text)}</td><td>{escape(move.delta)}</td>"
+        f"<td>{escape(move.why)}</td></tr>"
+        for move in moves
+    )
+    decoys = "" if diagnosis.decoys is None else f"<p>{capitalised(decoys_text(*diagnosis.decoys))}.</p>"
+    return (
+        f'<div class="fv"><details class="fv-card"><summary>{TRACE_TITLE}</summary>'
+        f'<table class="fv-table fv-left"><tr><th>move</th><th title="{DECREASE}">Δ [nats]</th><th></th></tr>'
+        f'{rows}</table>{decoys}<p class="fv-dim">✓ accepted, – refused; Δ: {DECREASE}.</p></details></div>'
+    )

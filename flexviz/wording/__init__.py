@@ -1,6 +1,5 @@
 """Text for numbers, effects and findings, shared by app, report, recording and command line."""
 
-from flexviz.wording.effect_families import FAMILY_TITLES, UNTOLD, capitalised, family_title, tied_family
 from flexviz.wording.effects import (
     SCOPES,
     bounds_text,
@@ -24,11 +23,15 @@ from flexviz.wording.errors import (
 )
 from flexviz.wording.findings import (
     ALONG,
+    FAMILY_TITLES,
+    UNTOLD,
     absorbed_list,
+    capitalised,
     confidence_of,
     curve_text,
     effect_text_name,
     effect_title,
+    family_title,
     finding_name,
     kinds_text,
     lower,
@@ -36,6 +39,7 @@ from flexviz.wording.findings import (
     moved,
     share_text,
     tie_text,
+    tied_family,
     value_text,
     values_text,
     where_text,

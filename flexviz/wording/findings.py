@@ -7,10 +7,15 @@ from dataclasses import dataclass
 
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.statistics import NORMAL_95
-from flexviz.wording.effect_families import capitalised, family_title, tied_family
 from flexviz.wording.numbers import interval, listed, number, plain_name, plural, unit_text
-from flexviz.wording.records import AbsorbedLike, FindingLike, NamedLike, TieLike, ValueLike
+from flexviz.wording.records import AbsorbedLike, FamilyLike, FindingLike, NamedLike, TieLike, ValueLike
 
+FAMILY_TITLES = {
+    "dry_friction": "dry friction",
+    "constant_torque": "a constant torque",
+    "torque_scale": "torque scale or load-dependent friction",
+}
+UNTOLD = "which kind, these data do not tell"
 ALONG = {
     "position": "the position",
     "velocity": "the velocity",
@@ -23,6 +28,21 @@ ALONG = {
 INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
     name: f"inertia {name[1:]}" for name in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 }
+
+
+def family_title(name: str) -> str:
+    """ "dry friction"; the readable name of a family that has no title."""
+    return FAMILY_TITLES.get(name, plain_name(name))
+
+
+def tied_family(finding: NamedLike) -> FamilyLike | None:
+    """The family that a finding stands for; None if the data tell which of its members acts."""
+    return finding.family if finding.family is not None and finding.family.tied else None
+
+
+def capitalised(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
 
 
 def effect_title(name: str) -> str:

@@ -8,14 +8,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from flexviz.wording.effect_families import UNTOLD, capitalised, family_title, tied_family
 from flexviz.wording.findings import (
+    UNTOLD,
+    capitalised,
     confidence_of,
     effect_text_name,
     effect_title,
+    family_title,
     finding_name,
     finding_title,
     share_text,
+    tied_family,
 )
 from flexviz.wording.numbers import listed
 from flexviz.wording.records import DiagnosisLike, FindingLike, NamedLike

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
-from flexviz.wording.effect_families import UNTOLD
-from flexviz.wording.findings import ALONG, share_text
+from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
 from flexviz.wording.records import DiagnosisLike, LocationLike, NamedLike
