@@ -156,9 +156,6 @@ def send_map(
     send_labels(stream, f"{entity}/words", labels)
 
 
-# -- of a diagnosis ------------------------------------------------------------------------------------------
-
-
 def send_maps(stream: Stream, where: str, joints: tuple[str, ...], maps: Sequence[ResidualMap]) -> None:
     """Where a model fails: `where`/map of all joints, and `where`/curves/<joint>."""
     if not maps:

@@ -181,9 +181,6 @@ def _largest_residuals(recording: Recording) -> dict[str, float]:
     return found
 
 
-# -- the layout ----------------------------------------------------------------------------------------------
-
-
 def _blueprint(found: RecordingComparison) -> rrb.Blueprint:
     """A on the left, B on the right; both residuals of a group have the same scale."""
     sides = found.sides

@@ -54,8 +54,6 @@ class Recorder:
         self.diagnoses: list[Diagnosis] = []
         self._observers: dict[str, Observer] = {}
 
-    # -- the measurement set -------------------------------------------------------------------------
-
     def measured(self, check: Check | None = None) -> None:
         """Send the set, its signals and every group's measured robot; without a check, flush in between."""
         measurements, stream, check = self.measurements, self.stream, check or self._flush_part
@@ -106,8 +104,6 @@ class Recorder:
             signals.send_states(self.stream, self.measurements, group, observer, self.samples)
         self._observers[name] = observer
         self.arrange()
-
-    # -- results -------------------------------------------------------------------------------------
 
     def start(self, label: str = "") -> Solve:
         """Start a solve: later iterations and the next result belong to it."""
@@ -200,8 +196,6 @@ class Recorder:
         self.stream.close()
         target = self.stream.target
         return None if target is None else target.finish(self.stream.entities, self.layout(), complete)
-
-    # -- texts and layout ----------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
         """Add a line to the log."""

@@ -99,9 +99,6 @@ def joints_of(result: ResultFields) -> tuple[str, ...]:
     return tuple(dict.fromkeys(p.joint for p in result.all_parameters if p.joint is not None))
 
 
-# -- candidates ----------------------------------------------------------------------------------------------
-
-
 def added_lines(result: ResultFields) -> Iterator[str]:
     """Effects of the last model that are not among the candidates: these stand beside the set's own model."""
 
@@ -193,9 +190,6 @@ def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
     lines = [*accepted, *refused[:room_refused], *decoys]
     title = "why these effects: moves of the search, with the decrease of its objective"
     return [title, *(f"     {in_ascii(line)}" for line in lines)] if lines else []
-
-
-# -- steps ---------------------------------------------------------------------------------------------------
 
 
 def steps_parts(

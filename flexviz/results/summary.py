@@ -89,9 +89,6 @@ def run_lines(result: ResultFields) -> list[str]:
     return lines
 
 
-# -- tables --------------------------------------------------------------------------------------------------
-
-
 def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) -> Table:
     """One row per parameter; with `ties` also the parameters it is tied to."""
     table = plain_table(

@@ -65,7 +65,6 @@ from flexviz.view.time_charts import (
     evidence_chart,
     numbers_html,
     observer_for,
-    observer_numbers,
     signals_charts,
     states_charts,
     stretch,

@@ -128,8 +128,6 @@ def _minutes(measurements: MeasurementSet) -> str:
     return f"{number(seconds, 3)} s" if seconds < 600 else f"{number(seconds / 60, 3)} min"
 
 
-# -- identifiability ---------------------------------------------------------------------------------------
-
 MAX_NAMED = 8  # parameters in a sentence
 
 
