@@ -24,7 +24,6 @@ from flexviz.wording import (
     MergedFinding,
     absorbed_list,
     added_families,
-    by_share,
     confidence_of,
     confidence_range,
     curve_text,
@@ -33,7 +32,6 @@ from flexviz.wording import (
     family_title,
     finding_key,
     found_shares,
-    left_text,
     location,
     mean_nrms,
     merged_findings,
@@ -50,6 +48,7 @@ from flexviz.wording import (
     told_moves,
     value_text,
     verdict_text,
+    what_stays,
 )
 
 SHOWN_ABSORBED = 4  # parameters
@@ -62,8 +61,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     joints = joints_of(result)
     last = result.steps[-1] if result.steps else None
     spread = result.torque.spread if result.torque is not None else []
-    error = [] if last is None else last.rms_validation or last.rms
-    worst = joints[by_share(error, spread)[0]] if error and spread else ""
+    worst, left_over = what_stays(joints, last, spread)
     out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
     for rank, merged in enumerate(merged_findings(result.candidates, found_shares(result)), 1):
         out += candidate_lines(rank, merged, joints)
@@ -75,8 +73,8 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
             out.append(
                 f"before, this had been absorbed by {in_ascii(absorbed_list(absorbed, SHOWN_ABSORBED))}"
             )
-        if result.final_verdict == "unknown" and spread:
-            out.append(f"what stays: {left_text(joints, error, spread, last.noise_floor)}")
+        if result.final_verdict == "unknown" and left_over:
+            out.append(left_over)
     place = location(result.where)
     if result.final_verdict == "unknown" and place is not None:
         units = {(one.joint, one.variable): one.unit for one in result.maps}

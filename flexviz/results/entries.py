@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import AliasChoices, Field, ValidationInfo, field_validator, model_validator
 
 from flexviz.effects import free_curve
+from flexviz.model import EffectValue
 from flexviz.results.base import (
     Column,
     Grade,
@@ -195,8 +196,7 @@ class PlaceEntry(ResultEntry):
     @property
     def text(self) -> str:
         """`coulomb_friction:joint1`, `external_contact:joint1@g2`"""
-        place = self.joint or self.payload
-        return self.effect + (f":{place}" if place else "") + (f"@{self.group}" if self.group else "")
+        return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
 
 
 class CandidateEntry(PlaceEntry):

@@ -20,7 +20,6 @@ from flexviz.wording import (
     absorbed_list,
     added_families,
     bounds_text,
-    by_share,
     capitalised,
     confidence_of,
     confidence_range,
@@ -30,7 +29,6 @@ from flexviz.wording import (
     enters_text,
     escape,
     kinds_text,
-    left_text,
     lower,
     moved,
     parameter_text,
@@ -39,6 +37,7 @@ from flexviz.wording import (
     told_moves,
     values_text,
     verdict_text,
+    what_stays,
 )
 
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
@@ -160,11 +159,11 @@ def verdict_html(
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it if '
             "necessary, examines the residual, and tries every known effect.</div>"
         )
-    left, worst = what_stays(diagnosis, joints, spread)
+    worst, left = what_stays(joints, diagnosis.steps[-1] if diagnosis.steps else None, spread)
     skipped = (*(SAID_AS_SHARES if spread else ()), *(["free-curve"] if diagnosis.free_curve else []))
     verdict = verdict_text(diagnosis, joints=joints, worst=worst)
     told = [n.text for n in diagnosis.notes if n.kind not in skipped and n.text not in verdict]
-    texts = [*left, *told]
+    texts = [*([left] if left and diagnosis.verdict == "unknown" else []), *told]
     notes = "".join(f'<div class="fv-dim">{escape(capitalised(text))}.</div>' for text in texts)
     notes += "".join(f'<div class="fv-warn">{escape(hint)}</div>' for hint in hints(diagnosis.parameters))
     if diagnosis.stopped:
@@ -185,17 +184,6 @@ def so_far_html(best: BestSoFar | None, running: bool) -> str:
         return ""
     text = best.running if running else best.stopped
     return f'<div class="fv fv-so-far">{escape(text[:1].upper() + text[1:])}</div>'
-
-
-def what_stays(diagnosis: Diagnosis, joints: Sequence[str], spread: Sequence[float]) -> tuple[list[str], str]:
-    """What the model leaves after "Unknown:", as a sentence, and the joint of which it explains least."""
-    if not spread or not diagnosis.steps:
-        return [], ""
-    last = diagnosis.steps[-1]
-    rms = last.rms_validation or last.rms
-    worst = joints[by_share(rms, spread)[0]]
-    text = f"what stays: {left_text(joints, rms, spread, last.noise_floor)}"
-    return ([text] if diagnosis.verdict == "unknown" else []), worst
 
 
 def heading_html(diagnosis: Diagnosis | None) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
+from flexviz.wording.errors import by_share, left_text
 from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
-from flexviz.wording.records import DiagnosisLike, LocationLike, NamedLike
+from flexviz.wording.records import DiagnosisLike, LocationLike, NamedLike, StepLike
 from flexviz.wording.shares import found_shares
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
@@ -78,6 +79,14 @@ def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:
     explain = "It explains" if len(best.members) == 1 else "Together they explain"
     above = share_text(joint_score(scored.members))
     return f"{scored.name(joints)}. {explain} {above} of the error above the noise; {sure}"
+
+
+def what_stays(joints: Sequence[str], step: StepLike | None, spread: Sequence[float]) -> tuple[str, str]:
+    """The joint of whose torque a model explains least, and what it leaves of all; empty without a spread."""
+    if step is None or not spread:
+        return "", ""
+    rms = step.rms_validation or step.rms
+    return joints[by_share(rms, spread)[0]], f"what stays: {left_text(joints, rms, spread, step.noise_floor)}"
 
 
 def location(where: Sequence[LocationLike], worst: str = "") -> LocationLike | None:
