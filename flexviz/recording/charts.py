@@ -7,21 +7,19 @@ effects, is drawn as lines in a frame with labels. Lengths are in drawing units,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from flexviz.charts import COLOURS, Chart, cividis, rgb
+from flexviz.diagnosis import Finding, FreeCurve, ResidualMap, Step
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.signals import send_line
 from flexviz.recording.stream import Stream
 from flexviz.view import MAP_COLUMNS, free_chart, map_charts, map_of, staircase_chart
 from flexviz.wording import effect_text_name, finding_name, number
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Finding, FreeCurve, ResidualMap, Step
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from flexviz import __version__
+from flexviz.diagnosis import Diagnosis, ResidualMap, Step
+from flexviz.identification import Identification
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
+from flexviz.progress import Iteration
 from flexviz.recording import signals, texts
 from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.layout import blueprint
@@ -23,13 +26,8 @@ from flexviz.recording.scene import RobotScene
 from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, with_replay
+from flexviz.simulation import Run
 from flexviz.wording import as_markdown, verdict_text
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, ResidualMap, Step
-    from flexviz.identification import Identification
-    from flexviz.progress import Iteration
-    from flexviz.simulation import Run
 
 MAX_SAMPLES = 10_000  # per signal and group
 ITERATIONS_INTERVAL = 2.0  # [s] between two batches of iterations: sending them slows the solver

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexviz.diagnosis import Diagnosis
+from flexviz.identification import Identification
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.recording.optimiser import Solve
 from flexviz.results import markdown
 from flexviz.scene import RobotMotion
 from flexviz.wording import (
@@ -20,11 +22,6 @@ from flexviz.wording import (
     total_rms,
     verdict_text,
 )
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.identification import Identification
-    from flexviz.recording.optimiser import Solve
 
 SIMULATED = "**Simulated data**: a simulator wrote this measurement set, no robot was recorded."
 MAX_LOCATIONS = 6  # joint and variable, where the final model fails
