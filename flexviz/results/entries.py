@@ -16,7 +16,7 @@ from flexviz.model import EffectValue
 from flexviz.results.base import (
     Column,
     Grade,
-    NoteKind,
+    Note,
     Nullable,
     Number,
     ResultEntry,
@@ -253,13 +253,6 @@ class ModelEntry(ResultEntry):
     parameters: list[ParameterEntry]
 
 
-class NoteEntry(ResultEntry):
-    """A note of a diagnosis."""
-
-    kind: NoteKind
-    text: str
-
-
 class ResultFields(ResultEntry):
     """The fields of a `ResultDocument`."""
 
@@ -285,7 +278,7 @@ class ResultFields(ResultEntry):
     effects: list[EffectEntry] | None = None
     residual: ResidualEntry | None = None
     notes: list[str] = Field(default_factory=list)
-    typed_notes: list[NoteEntry] = Field(default_factory=list)
+    typed_notes: list[Note] = Field(default_factory=list)
     maps: list[MapEntry] = Field(default_factory=list)
     free_curve: FreeCurveEntry | None = None
     curves: list[CurveTableEntry] = Field(default_factory=list)
