@@ -83,7 +83,7 @@ def group_rows(steps: Sequence[Step]) -> list[tuple[str, str, list[float]]]:
     return out or [("all", "fit", [total_rms(step.rms) for step in steps])]
 
 
-def _of_groups(steps: Sequence[Step]) -> Iterator[tuple[str, str, list[Sequence[float] | None]]]:
+def _of_groups(steps: Sequence[Step]) -> Iterator[tuple[str, str, Sequence[Sequence[float] | None]]]:
     """Each group of the last step, its use, and its errors at every step."""
     for name, _, held_out in steps[-1].groups:
         found = [next((rms for other, rms, _ in step.groups if other == name), None) for step in steps]
