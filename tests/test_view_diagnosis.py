@@ -278,7 +278,7 @@ def test_what_to_do_next(tmp_path: Any) -> None:
     assert next_step(analysis.with_role("g1", "ignore"), "Diagnose", False).step == "Data"
     looked = analysis.with_diagnosis(DIAGNOSIS)
     assert next_step(looked, "Diagnose", False).button == "add" and steps_done(looked) == ("Diagnose",)
-    done = looked.with_effect("a", True).with_diagnosis(
+    done = looked.with_effects(["a"]).with_diagnosis(
         replace(DIAGNOSIS, verdict="nothing-missing", findings=())
     )
     assert "Compare" in next_step(done, "Diagnose", False).text

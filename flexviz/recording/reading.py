@@ -87,7 +87,7 @@ def check_recording(path: str | Path, *, own: bool = False) -> Recorded:
             raise InputError(message, file=file)
     with _read_errors(file):
         chunks, entities = _content(file)
-        promised = _promised(file)
+        promised = len(RrdReader(str(file)).store().summary().splitlines())  # in the footer
     if found != expected:
         raise InputError("is damaged: its SHA-256 differs from its .sha256 file", file=file)
     if chunks == 0:
@@ -122,11 +122,6 @@ def _content(file: Path) -> tuple[int, tuple[str, ...]]:
         chunk.to_record_batch()
         entities.append(chunk.entity_path)
     return len(entities), tuple(dict.fromkeys(entities))
-
-
-def _promised(file: Path) -> int:
-    """How many chunks the footer lists."""
-    return len(RrdReader(str(file)).store().summary().splitlines())
 
 
 @dataclass(frozen=True)

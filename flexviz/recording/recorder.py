@@ -17,7 +17,7 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.progress import Iteration
 from flexviz.recording import signals, texts
-from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
+from flexviz.recording.charts import MAX_EVIDENCE, send_charts, send_evidence, send_maps, step_names
 from flexviz.recording.layout import blueprint
 from flexviz.recording.optimiser import Solve
 from flexviz.recording.paths import ABOUT, LOG, observer_name, path
@@ -27,6 +27,7 @@ from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, with_replay
 from flexviz.simulation import Run
+from flexviz.view import free_chart, staircase_chart
 from flexviz.wording import as_markdown, verdict_text
 
 MAX_SAMPLES = 10_000  # per signal and group
@@ -161,9 +162,11 @@ class Recorder:
         where = path("diagnoses", number)
         self.stream.text(path("diagnoses", number, "verdict"), texts.diagnosis_text(diagnosis))
         self._json(path("diagnoses", number, "json"), diagnosis.to_dict())
-        send_staircase(self.stream, where, steps or diagnosis.steps)
+        steps = steps or diagnosis.steps
+        staircase = staircase_chart(steps, ticks=step_names(steps))
+        send_charts(self.stream, f"{where}/staircase", [staircase])
         send_maps(self.stream, where, joints, diagnosis.maps)
-        send_free_curve(self.stream, where, diagnosis.free_curve)
+        send_charts(self.stream, f"{where}/free", [free_chart(diagnosis.free_curve)])
         for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
             send_evidence(self.stream, number, rank, finding)
         self.note(f"diagnosis {number}: {verdict_text(diagnosis)}")

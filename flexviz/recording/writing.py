@@ -114,7 +114,7 @@ def recording_file(
     except BaseException:
         with suppress(InputError):
             recorder.stream.close()
-        target.abandon()
+        target.now.unlink(missing_ok=True)
         raise
     else:
         file.written = recorder.finish()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.diagnosis import Finding, ResidualLocation
-from flexviz.effects import EFFECTS, Effect, free_curve
+from flexviz.effects import EFFECTS, free_curve
 from flexviz.report.blocks import (
     FIGURE_HEIGHT,
     Block,
@@ -124,7 +124,9 @@ def _part(
         Paragraph(f"{values}{capitalised(removes_text(merged))}; {sure}."),
         Paragraph(kinds_text(first)) if merged.tied else None,
         _members(merged, joints) if many else None,
-        None if effect is None else explanation(_law(effect)),
+        None
+        if effect is None
+        else explanation(f"{effect.explanation} Law: {effect.equation}. {effect.signature}"),
         Paragraph(f"Other parameters have absorbed it: {absorbed_list(moves)}.") if moves else None,
         *(chart for chart in charts if chart.series),
     )
@@ -135,10 +137,6 @@ def _members(merged: MergedFinding[Finding], joints: Sequence[str]) -> ReportTab
         [str(one.joint), values_text(one), share_text(confidence_of(one))] for one in merged.by_joint(joints)
     ]
     return table(("joint", "value ± 95 %", "confidence"), rows, (2,))
-
-
-def _law(effect: Effect) -> str:
-    return f"{effect.explanation} Law: {effect.equation}. {effect.signature}"
 
 
 def _ranking(content: ReportContent) -> ReportTable | None:
