@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from flexviz.app.fleet import FleetTab
-from flexviz.app.page import Page
+from flexviz.app.page import Page, put
 from flexviz.app.page_script import PICTURE_LABEL
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
@@ -98,7 +98,7 @@ class PlotPanel:
         store.subscribe(
             Changed.OPENED | Changed.RESULT | Changed.ACTIVITY | Changed.TICK, self._draw_convergence
         )
-        store.subscribe(Changed.TICK, self._move)
+        store.subscribe(Changed.TICK, lambda: self._signals.move(store.clock.time))
 
     def _save(self, name: str, column: ChartColumn, client: int) -> None:
         """Send the plots of a tab to a browser."""
@@ -171,9 +171,6 @@ class PlotPanel:
             final = result
         self._convergence.show(convergence_charts(iterations, ends, floor, final))
 
-    def _move(self) -> None:
-        self._signals.move(self._store.clock.time)
-
 
 class ResidualTab:
     """The tab "Where it fails": residual maps, curves and a highlighted range."""
@@ -197,13 +194,10 @@ class ResidualTab:
             )
             self._about = gui.add_html("")
         self.charts = ChartColumn(page.server, tab)
-        store.subscribe(Changed.OPENED, self._opened)
+        store.subscribe(Changed.OPENED, lambda: put(self._variable, value=OFF))
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.SPAN
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
         store.subscribe(Changed.TICK, self._move)
-
-    def _opened(self) -> None:
-        self._variable.value = OFF
 
     def _draw(self) -> None:
         store, name = self._store, self._store.joint_name
