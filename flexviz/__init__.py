@@ -17,53 +17,26 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-# name -> module that defines it
-_WHERE = {
-    "FlexvizError": "flexviz.errors",
-    "InputError": "flexviz.errors",
-    "ConvergenceError": "flexviz.errors",
-    "Cancelled": "flexviz.errors",
-    "Robot": "flexviz.robot",
-    "PayloadBody": "flexviz.robot",
-    "FlexibleModel": "flexviz.model",
-    "EffectValue": "flexviz.model",
-    "MeasurementSet": "flexviz.measurements",
-    "Group": "flexviz.measurements",
-    "Segment": "flexviz.measurements",
-    "read_set": "flexviz.measurements",
-    "write_set": "flexviz.measurements",
-    "Observer": "flexviz.observers",
-    "OBSERVERS": "flexviz.observers",
-    "EsoGains": "flexviz.observers",
-    "make_observer": "flexviz.observers",
-    "sweep": "flexviz.identification",
-    "SweepResult": "flexviz.identification",
-    "identify": "flexviz.identification",
-    "Identification": "flexviz.identification",
-    "Iteration": "flexviz.progress",
-    "Progress": "flexviz.progress",
-    "ParameterEstimate": "flexviz.identification",
-    "ResidualSummary": "flexviz.identification",
-    "diagnose": "flexviz.diagnosis",
-    "Diagnosis": "flexviz.diagnosis",
-    "Finding": "flexviz.diagnosis",
-    "design": "flexviz.designing",
-    "Design": "flexviz.designing",
-    "DesignSettings": "flexviz.designing",
-    "write_design": "flexviz.designing",
-    "load_effects": "flexviz.effects",
-    "simulate_run": "flexviz.simulation",
-    "replay": "flexviz.simulation",
-    "export": "flexviz.exporting",
-    "import_logs": "flexviz.importing",
-    "ParameterNotFound": "flexviz.results",
-    "ResultDocument": "flexviz.results",
-    "read_result": "flexviz.results",
-    "Session": "flexviz.session:OpenedSession",
-    "on_cores": "flexviz.parallel",
-    "record": "flexviz.workflows",
-    "write_report": "flexviz.workflows",
-}
+_NAMES = {
+    "designing": "Design DesignSettings design write_design",
+    "diagnosis": "Diagnosis Finding diagnose",
+    "effects": "load_effects",
+    "errors": "Cancelled ConvergenceError FlexvizError InputError",
+    "exporting": "export",
+    "identification": "Identification ParameterEstimate ResidualSummary SweepResult identify sweep",
+    "importing": "import_logs",
+    "measurements": "Group MeasurementSet Segment read_set write_set",
+    "model": "EffectValue FlexibleModel",
+    "observers": "OBSERVERS EsoGains Observer make_observer",
+    "parallel": "on_cores",
+    "progress": "Iteration Progress",
+    "results": "ParameterNotFound ResultDocument read_result",
+    "robot": "PayloadBody Robot",
+    "simulation": "replay simulate_run",
+    "workflows": "record write_report",
+}  # module -> what it defines
+_WHERE = {name: f"flexviz.{module}" for module, names in _NAMES.items() for name in names.split()}
+_WHERE["Session"] = "flexviz.session:OpenedSession"
 
 if TYPE_CHECKING:
     from flexviz.designing import Design, DesignSettings, design, write_design

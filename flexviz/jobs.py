@@ -33,7 +33,7 @@ from flexviz.parallel import on_cores, usable_cores
 from flexviz.progress import ProgressCallback, StopCallback
 
 Result = TypeVar("Result")
-Kind = Literal["started", "progress", "done", "stopped", "failed"]
+Kind = Literal["progress", "done", "stopped", "failed"]
 STOP_GRACE = 5.0  # [s] a stopped task may take to end by itself before its process is replaced
 _CHILD = "import sys; from flexviz.jobs import child_main; child_main(int(sys.argv[1]))"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -110,7 +110,6 @@ class LoadModules(Task[None]):
 class JobEvent:
     """News of a job: `value` is the progress, the result, or the one-line reason of a failure."""
 
-    job: Job
     kind: Kind
     value: Any = None
 
@@ -127,7 +126,7 @@ class Job:
     def tell(self, kind: Kind, value: Any = None) -> None:
         """Tell the listener."""
         try:
-            self.listener(JobEvent(self, kind, value))
+            self.listener(JobEvent(kind, value))
         except Exception:  # a listener's mistake must not end the worker
             traceback.print_exc()
 
@@ -200,7 +199,6 @@ class Worker:
                 if not self._waiting:
                     return
                 job = self._current = self._waiting.pop(0)
-            job.tell("started")
             kind, value = _outcome(partial(self._in_child if job.task.in_process else self._in_thread, job))
             with self._change:
                 self._current = None

@@ -21,9 +21,7 @@ from typing import Any, Generic, TypeVar
 from flexviz.progress import StopCallback, never
 
 Item = TypeVar("Item")
-Key = TypeVar("Key")
 Result = TypeVar("Result")
-Own = TypeVar("Own")
 
 MOST_CORES = 4  # more of them wait for one another
 SPARE_NICENESS = 10
@@ -38,11 +36,6 @@ _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 def usable_cores() -> int:
     """Cores that this process may use, at most `MOST_CORES`; 1 where processes cannot safely be forked."""
     return min(len(os.sched_getaffinity(0)), MOST_CORES) if sys.platform == "linux" else 1
-
-
-def allowed_cores() -> int:
-    """Cores that work in this context may use."""
-    return _allowed.get()
 
 
 @contextlib.contextmanager
@@ -136,62 +129,11 @@ class Background(Generic[Result]):
             self._copy = None
 
 
-class Foreseen(Generic[Key, Result]):
-    """Work begun because it will probably be asked for; `key` says what was foreseen."""
-
-    def __init__(self) -> None:
-        self._begun: tuple[Key, Background[Result]] | None = None
-
-    def begin(self, key: Key, function: Callable[[], Result]) -> None:
-        """Begin with this, instead of anything else; what is begun goes on."""
-        if self._begun is None or self._begun[0] != key:
-            self.close()
-            self._begun = key, Background(function)
-
-    def take(self, key: Key) -> Result | None:
-        """Result of the work begun for this key, else None; other work is ended. Once per `begin`."""
-        if self._begun is None or self._begun[0] != key:
-            self.close()
-            return None
-        work, self._begun = self._begun[1], None
-        return work.result()
-
-    def close(self) -> None:
-        """End what was begun."""
-        if self._begun is not None:
-            self._begun[1].close()
-            self._begun = None
-
-
 def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """`[function(item) for item in items]`, by several cores where they are allowed and free."""
-    return _shared(None, function, list(items))
-
-
-def alongside(
-    own: Callable[[], Own], function: Callable[[Item], Result], items: Iterable[Item]
-) -> tuple[Own, list[Result]]:
-    """`own()`, done in this process, and `shared(function, items)`, on which other cores work meanwhile."""
-    done: list[Own] = []
-    found = _shared(lambda: done.append(own()), function, list(items))
-    return done[0], found
-
-
-def _free_cores() -> int:
-    """Allowed cores on which no `Background` is at work."""
-    busy = _busy.get() or set()
-    busy -= {copy for copy in busy if copy.ready}
-    return max(1, _allowed.get() - len(busy))
-
-
-def _shared(
-    first: Callable[[], None] | None, function: Callable[[Item], Result], work: list[Item]
-) -> list[Result]:
-    """The shared work on a list, after what is `first` in this process."""
-    copies = min(_free_cores(), len(work) + (first is not None)) - 1
+    work = list(items)
+    copies = min(_free_cores(), len(work)) - 1
     if copies < 1:
-        if first is not None:
-            first()
         return [function(item) for item in work]
     waiting, fill = os.pipe()
     os.write(fill, bytes(range(min(len(work), 256))))  # a byte per piece: whoever is free takes the next
@@ -207,9 +149,6 @@ def _shared(
     running: list[_Copy] = []
     try:
         running += [_Copy(some) for _ in range(copies)]
-        if first is not None:
-            with on_cores(1):
-                first()
         found = some()
         for copy in running:
             found |= (copy.answer() or ({},))[0]
@@ -218,6 +157,13 @@ def _shared(
         for copy in running:
             copy.kill()
     return [found[k] if k in found else function(item) for k, item in enumerate(work)]
+
+
+def _free_cores() -> int:
+    """Allowed cores on which no `Background` is at work."""
+    busy = _busy.get() or set()
+    busy -= {copy for copy in busy if copy.ready}
+    return max(1, _allowed.get() - len(busy))
 
 
 class _Copy:

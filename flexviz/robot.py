@@ -131,8 +131,6 @@ class Robot:
         """Number of moving joints."""
         return len(self.joints)
 
-    # -- joint order ---------------------------------------------------------------------------------
-
     def to_pin(self, x: np.ndarray) -> np.ndarray:
         """x (..., n) from the set's order to Pinocchio's along the last axis; no copy when they agree."""
         return x if self._identity else x[..., self._inverse]
@@ -148,8 +146,6 @@ class Robot:
     @cached_property
     def _inverse(self) -> np.ndarray:
         return np.argsort(self.order)
-
-    # -- inertias ------------------------------------------------------------------------------------
 
     @cached_property
     def cad_parameters(self) -> np.ndarray:
@@ -195,8 +191,6 @@ class Robot:
         data = model.createData()
         state = [self.to_pin(x) for x in (q, v, a)]
         return self.from_pin(np.array([pin.rnea(model, data, *row) for row in zip(*state, strict=True)]))
-
-    # -- links ---------------------------------------------------------------------------------------
 
     @cached_property
     def links(self) -> tuple[str, ...]:

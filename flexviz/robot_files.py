@@ -155,9 +155,6 @@ def _without_suffix(name: str) -> str:
     return name
 
 
-# -- settings ------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class RobotSettings:
     """Typical values of a robot with flexible joints, all at the joint side; arrays are (n,)."""

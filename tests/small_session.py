@@ -20,5 +20,5 @@ def small_session(folder: Path) -> tuple[MeasurementSet, Session]:
     analysis = session.analysis.with_identification(result, session.analysis.settings)
     session = session.then("identified", analysis)
     session = session.then("looked", analysis.with_diagnosis(DIAGNOSIS))
-    session = session.then("offset", session.analysis.with_effect("torque_offset:joint1", True))
+    session = session.then("offset", session.analysis.with_effects(["torque_offset:joint1"]))
     return measurements, session.then("width", replace(session.analysis, bandwidth=(30.0, 40.0))).undo()

@@ -118,7 +118,8 @@ def test_joint_and_group_are_selected_everywhere(app: Application) -> None:
     torque = chart(app, "signals", "torque")[1]
     use(app, "Joint", "joint2")
     assert app.store.joint == 1 and not np.array_equal(torque, chart(app, "signals", "torque")[1])
-    app.display._click(0)
+    app.display._clicked(0)
+    app.once(0.0)
     assert app.dock._joint.value == "joint1"
     use(app, "Group", "g3")
     assert app.store.group.name == "g3" and app.dock._group.value == "g3"

@@ -21,7 +21,7 @@ def test_unsaved_work_is_offered_continued_and_saved(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     opened = open_set(write_small_set(tmp_path / "small"))
     session = Session.of(opened.measurements)
-    session = session.then("offset", session.analysis.with_effect("torque_offset:joint1", True))
+    session = session.then("offset", session.analysis.with_effects(["torque_offset:joint1"]))
     keeper = Autosave(unsaved_dir)
     keeper.keep(session, opened.measurements)
     keeper.close()  # as at the end of a process: what it kept stays

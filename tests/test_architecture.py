@@ -252,13 +252,14 @@ MODULES = {module_name(path): path for path in SOURCES}
 
 
 def face_of(package: str) -> set[str]:
-    """The names in a package's `__all__`."""
+    """The names that a package's `__init__.py` defines or imports."""
+    names: set[str] = set()
     for node in tree(PACKAGE / package / "__init__.py").body:
-        if isinstance(node, ast.Assign) and any(
-            isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets
-        ):
-            return set(ast.literal_eval(node.value))
-    return set()
+        if isinstance(node, ast.ImportFrom):
+            names |= {alias.asname or alias.name for alias in node.names}
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+    return names
 
 
 def test_a_package_is_imported_by_its_public_face() -> None:

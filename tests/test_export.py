@@ -321,7 +321,7 @@ def test_session(
     assert "the session has no result, expected" in capsys.readouterr().err
     assert main([*command, str(tmp_path / "none"), "--refine"]) == 2
     assert "the saved result is exported" in capsys.readouterr().err
-    analysis = session.analysis.with_effect("torque_offset:joint2", True)
+    analysis = session.analysis.with_effects(["torque_offset:joint2"])
     analysis = analysis.with_identification(found, analysis.settings).with_diagnosis(DIAGNOSIS)
     session = session.then("identified", analysis)
     save_session(session, small, place)

@@ -16,8 +16,6 @@ import pytest
 from flexviz import parallel
 from flexviz.parallel import (
     Background,
-    Foreseen,
-    alongside,
     existing_objects_kept,
     on_cores,
     shared,
@@ -71,28 +69,6 @@ def test_work_says_when_it_is_done() -> None:
 
 
 @TWO
-@pytest.mark.parametrize("count", [1, 6])
-def test_own_work_is_done_here_while_a_copy_works(count: int) -> None:
-    here = os.getpid()
-
-    def own() -> tuple[int, list[int]]:
-        time.sleep(0.2)
-        return os.getpid(), shared(lambda _: os.getpid(), range(3))  # the other core is taken
-
-    def piece(_: int) -> int:
-        time.sleep(0.01)
-        return os.getpid()
-
-    with on_cores(2):
-        done, pieces = alongside(own, piece, range(count))
-        assert done == (here, 3 * [here]) and len(pieces) == count and here not in pieces
-        with pytest.raises(ZeroDivisionError):
-            alongside(lambda: 1 // 0, piece, range(count))
-        assert alongside(os.getpid, piece, []) == (here, [])
-    assert alongside(own, piece, range(count)) == (done, count * [here])
-
-
-@TWO
 def test_a_core_on_which_work_was_begun_is_not_shared() -> None:
     here = os.getpid()
     end, begin = os.pipe()
@@ -136,32 +112,6 @@ def test_spare_work_leaves_the_cores_to_other_work_and_is_never_waited_for() -> 
     assert nice() == usual
     os.close(end)
     os.close(begin)
-
-
-@TWO
-def test_what_was_foreseen_is_used_once_and_for_its_own_key_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    here, fork, copies = os.getpid(), os.fork, list[int]()
-
-    def noted() -> int:
-        number = fork()
-        copies.append(number)
-        return number
-
-    monkeypatch.setattr(os, "fork", noted)
-    with on_cores(2):
-        foreseen = Foreseen[str, int]()
-        assert foreseen.take("a") is None
-        foreseen.begin("a", os.getpid)
-        foreseen.begin("a", lambda: 1 // 0)  # what is begun goes on
-        assert foreseen.take("a") not in (None, here) and foreseen.take("a") is None
-        for end in (lambda: foreseen.take("b"), foreseen.close, lambda: foreseen.begin("b", os.getpid)):
-            foreseen.begin("a", lambda: time.sleep(60) or 1)
-            end()
-            assert foreseen.take("a") is None
-        assert len(copies) == 5
-        for number in copies:  # none is left
-            with pytest.raises(ChildProcessError):
-                os.waitpid(number, os.WNOHANG)
 
 
 @TWO

@@ -46,7 +46,7 @@ def whole(small: Any, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 def test_a_whole_file(whole: Recorded) -> None:
     checked = check_recording(whole.file)
     assert (checked.sha256, checked.chunks, checked.confirmed) == (whole.sha256, whole.chunks, True)
-    assert checked.rows > checked.chunks and THETA in checked.entities
+    assert THETA in checked.entities
     beside_it = whole.file.with_name("demo.rrd.sha256")
     assert beside_it.read_text() == f"{whole.sha256}  demo.rrd\n"
     subprocess.run(["sha256sum", "--check", "--quiet", beside_it.name], cwd=whole.file.parent, check=True)

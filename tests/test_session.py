@@ -32,7 +32,7 @@ def test_undo_and_redo(measurements: MeasurementSet) -> None:
     session = Session.of(measurements)
     first = session.analysis
     session = session.then("without g2", first.with_role("g2", "ignore"))
-    session = session.then("offset", session.analysis.with_effect("torque_offset", True))
+    session = session.then("offset", session.analysis.with_effects(["torque_offset"]))
     assert session.analysis.effects == ("torque_offset",)
     session = session.undo()
     assert session.analysis.effects == () and session.analysis.groups_with("ignore") == ("g2",)
@@ -71,7 +71,7 @@ def test_a_result_belongs_to_its_settings(measurements: MeasurementSet) -> None:
     analysis = Session.of(measurements).analysis
     fitted = analysis.with_identification(result, analysis.settings)
     assert fitted.up_to_date
-    assert not fitted.with_effect("torque_offset", True).up_to_date
+    assert not fitted.with_effects(["torque_offset"]).up_to_date
     assert not fitted.same_as(analysis)
 
 
@@ -103,7 +103,7 @@ def test_undo_brings_back_diagnosis_and_result_without_computing(measurements: M
     first, second = diagnosis(), diagnosis("nothing-missing", 0.1)
     result: Any = object()
     session = session.then("looked", session.analysis.with_diagnosis(first))
-    added = session.analysis.with_effect("torque_offset:joint1", True)
+    added = session.analysis.with_effects(["torque_offset:joint1"])
     assert not added.diagnosis_up_to_date and added.diagnosis is first
     added = added.with_identification(result, added.settings).with_diagnosis(second)
     session = session.then("added", added)

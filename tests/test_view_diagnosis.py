@@ -19,7 +19,7 @@ from flexviz.effects import EFFECTS
 from flexviz.identification import ParameterEstimate
 from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
-from flexviz.view.effects import card_html, finding_html, heading_html, picture, verdict_html
+from flexviz.view.effects import card_html, finding_html, heading_html, picture, trace_html, verdict_html
 from flexviz.view.free_curves import free_chart, free_html
 from flexviz.view.residuals import (
     MAP_COLUMNS,
@@ -34,7 +34,6 @@ from flexviz.view.residuals import (
 from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
-from flexviz.view.trace import trace_html
 from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
 from tests.found import TIED, TIED_DIAGNOSIS
 
@@ -279,7 +278,7 @@ def test_what_to_do_next(tmp_path: Any) -> None:
     assert next_step(analysis.with_role("g1", "ignore"), "Diagnose", False).step == "Data"
     looked = analysis.with_diagnosis(DIAGNOSIS)
     assert next_step(looked, "Diagnose", False).button == "add" and steps_done(looked) == ("Diagnose",)
-    done = looked.with_effect("a", True).with_diagnosis(
+    done = looked.with_effects(["a"]).with_diagnosis(
         replace(DIAGNOSIS, verdict="nothing-missing", findings=())
     )
     assert "Compare" in next_step(done, "Diagnose", False).text

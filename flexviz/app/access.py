@@ -42,21 +42,16 @@ PAGE_HEADERS = {
 
 def is_loopback(host: str) -> bool:
     """True for localhost and loopback addresses."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
+    address = _address(host.strip("[]"))
+    return host == "localhost" or (address is not None and address.is_loopback)
 
 
-def is_address(name: str) -> bool:
-    """Whether a host is given by its number: no other site can make its name mean this machine then."""
+def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The address of a host that is given by its number; None for a name."""
     try:
-        ipaddress.ip_address(name)
+        return ipaddress.ip_address(host)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
@@ -76,8 +71,8 @@ def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
 
 def is_own(name: str, bound_to: str) -> bool:
     """Whether a Host is this machine's address or one of its names."""
-    if is_address(name) or name == bound_to.lower():
-        return True
+    if _address(name) is not None or name == bound_to.lower():
+        return True  # no other site can make a number mean this machine
     machine = socket.gethostname().lower()
     label = machine.partition(".")[0]
     return bool(name) and (name in (machine, label, f"{label}.local") or name == _full_name(machine))

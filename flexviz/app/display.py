@@ -57,10 +57,7 @@ class Display:
             queue.call(cameras.gone, client)
 
     def _clicked(self, joint: int) -> None:
-        self._queue.put(Event(self, self._click, joint))
-
-    def _click(self, joint: int) -> None:
-        self._store.select(joint=joint)
+        self._queue.put(Event(self, lambda _: self._store.select(joint=joint)))
 
     def _build(self) -> None:
         robot, shape = self._store.measurements.robot, self._store.opened.shape

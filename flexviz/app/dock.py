@@ -32,7 +32,9 @@ class Dock:
         self._redo = page.button("Redo", store.redo, disabled=True)
         self._stop = page.button("Stop", store.stop, color="red", disabled=True)
         self._bar = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._joint = page.dropdown("Joint", ("–",), self._choose_joint)
+        self._joint = page.dropdown(
+            "Joint", ("–",), lambda name: store.select(joint=store.measurements.joint_index(name))
+        )
         self._group = page.dropdown("Group", ("–",), lambda name: store.select(group=name))
         gui.add_divider()
         page.row((self._undo, self._redo, self._stop))
@@ -95,9 +97,6 @@ class Dock:
             rules.append(next_button(buttons[following.button]._impl.uuid))
         self._line.content = step_line_html(titles, store.step, steps_done(store.analysis), following.text)
         self._style.content = style(*rules, *self._page.tooltips.rules())
-
-    def _choose_joint(self, name: str) -> None:
-        self._store.select(joint=self._store.measurements.joint_index(name))
 
     def _next_joint(self) -> None:
         self._store.select(joint=(self._store.joint + 1) % self._store.measurements.n)

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from flexviz.app.fleet import FleetTab
-from flexviz.app.page import Page
+from flexviz.app.page import Page, put
 from flexviz.app.page_script import PICTURE_LABEL
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
@@ -64,7 +64,8 @@ class PlotPanel:
             self._steps = page.gui.add_html("")
             hint = "shows this model everywhere: robot, residual, parameters"
             self._models = page.choose(
-                page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint), self._show_model
+                page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint),
+                lambda number: store.show_model(self._ends[int(number)]),
             )
             hint = "draws this model beside the shown one, each coloured by its own error"
             self._beside = page.choose(
@@ -97,7 +98,7 @@ class PlotPanel:
         store.subscribe(
             Changed.OPENED | Changed.RESULT | Changed.ACTIVITY | Changed.TICK, self._draw_convergence
         )
-        store.subscribe(Changed.TICK, self._move)
+        store.subscribe(Changed.TICK, lambda: self._signals.move(store.clock.time))
 
     def _save(self, name: str, column: ChartColumn, client: int) -> None:
         """Send the plots of a tab to a browser."""
@@ -142,9 +143,6 @@ class PlotPanel:
             numbers = tuple(str(k) for k in range(len(self._ends)))
             self._models.options, self._beside.options = numbers, (*numbers, OFF)
 
-    def _show_model(self, number: str) -> None:
-        self._store.show_model(self._ends[int(number)])
-
     def _compare_with(self, number: str) -> None:
         """Draw another model beside the shown one, or none."""
         chosen = None if number == OFF else self._ends[int(number)]
@@ -173,9 +171,6 @@ class PlotPanel:
             final = result
         self._convergence.show(convergence_charts(iterations, ends, floor, final))
 
-    def _move(self) -> None:
-        self._signals.move(self._store.clock.time)
-
 
 class ResidualTab:
     """The tab "Where it fails": residual maps, curves and a highlighted range."""
@@ -199,13 +194,10 @@ class ResidualTab:
             )
             self._about = gui.add_html("")
         self.charts = ChartColumn(page.server, tab)
-        store.subscribe(Changed.OPENED, self._opened)
+        store.subscribe(Changed.OPENED, lambda: put(self._variable, value=OFF))
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.SPAN
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
         store.subscribe(Changed.TICK, self._move)
-
-    def _opened(self) -> None:
-        self._variable.value = OFF
 
     def _draw(self) -> None:
         store, name = self._store, self._store.joint_name

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.robot import PayloadBody, Robot
-from flexviz.scene import RobotShape, SceneLayout, arc_arrow, joint_axes
+from flexviz.scene import RobotShape, SceneLayout, arc_arrow, joint_axes, payload_place
 from flexviz.wording import number
 
 GHOST_OPACITY, COLOURED_OPACITY = 0.45, 0.85
@@ -94,13 +94,10 @@ class RobotNodes:
         neutral = self._robot.link_poses(np.zeros(self._robot.n))
         self._loads = []
         for count, load in enumerate(payload):
-            joint = self._robot.joint_of_link(load.link)
-            index = next((i for i, body in enumerate(self._shape.bodies) if body.joint == joint), None)
-            if index is None or load.mass <= 0:
+            carried = payload_place(self._robot, self._shape, load, neutral)
+            if carried is None:
                 continue
-            link = self._shape.bodies[index].link
-            relative = np.linalg.inv(neutral[link]) @ neutral[load.link]
-            at = relative[:3, :3] @ load.com + relative[:3, 3]
+            index, at = carried
             radius = (3.0 * load.mass / (4.0 * np.pi * PAYLOAD_DENSITY)) ** (1 / 3)
             ball = self._server.scene.add_icosphere(
                 f"{self._bodies[index].name}/payload{count}", radius=min(radius, 0.15 * self._shape.reach),
@@ -113,7 +110,7 @@ class RobotNodes:
                     f"/{self.name}/payload{count}", text, anchor="bottom-left", font_screen_scale=0.85
                 )
                 self._payload[-1].append(label)
-                self._loads.append((link, at, label))
+                self._loads.append((self._shape.bodies[index].link, at, label))
 
     def arcs(self, kind: str, shares: np.ndarray | None) -> None:
         """Draw the arcs "torque" or "deflection" around the posed joints: shares (n,) of half a turn."""

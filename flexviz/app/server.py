@@ -73,8 +73,6 @@ def check_free(host: str, port: int) -> None:
         raise InputError(f"cannot listen on {host}:{port} ({error.strerror or error})") from None
 
 
-# -- values ----------------------------------------------------------------------------------------------
-
 Rule = Callable[[Any], Any]  # the value converted to the control's type; InputError if it is invalid
 
 
@@ -166,9 +164,6 @@ class LoopEvent(asyncio.Event):
         with contextlib.suppress(RuntimeError):
             asyncio.get_running_loop()
             super().set()
-
-
-# -- messages --------------------------------------------------------------------------------------------
 
 
 def guard_messages(server: viser.ViserServer) -> None:

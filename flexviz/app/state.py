@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,9 +14,9 @@ import numpy as np
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.identification import Identification
 from flexviz.jobs import Task
-from flexviz.measurements import MeasurementSet
+from flexviz.measurements import Group, MeasurementSet
 from flexviz.progress import Iteration
-from flexviz.scene import LAYOUTS, VIEWS, RobotShape
+from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_motion, with_replay
 from flexviz.session import Session
 from flexviz.simulation import Run
 
@@ -91,6 +92,18 @@ class Derived:
     errors: PredictionErrors | None = None
     stage_errors: list[PredictionErrors] = field(default_factory=list)  # at the start, after each stage
     failed: set[str] = field(default_factory=set)  # groups, "maps" or "errors" that could not be computed
+
+    def motion(self, measurements: MeasurementSet, group: Group) -> RobotMotion:
+        """The measured motion of a group and, once it is simulated, that of the model."""
+        return _motion(measurements, group, self.result, self.replays.get(group.name))
+
+
+@lru_cache(maxsize=2)  # the shown model, and the one that is compared with it
+def _motion(
+    measurements: MeasurementSet, group: Group, result: Identification | None, run: Run | None
+) -> RobotMotion:
+    motion = measured_motion(measurements, group, result)
+    return motion if run is None else with_replay(motion, run)
 
 
 class DerivedResults:

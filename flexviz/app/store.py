@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.app.events import TaskRunner
-from flexviz.app.motions import Motions
 from flexviz.app.playback import PlaybackClock, part_of
 from flexviz.app.state import (
     Activity,
@@ -75,7 +74,7 @@ class Store(ChangeSignal):
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
         self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
-        self.kept, self._motions = DerivedResults(), Motions()
+        self.kept = DerivedResults()
         self._span()
 
     @property
@@ -165,7 +164,7 @@ class Store(ChangeSignal):
     @property
     def motion(self) -> RobotMotion:
         """The motion of both robots in the selected group."""
-        return self._motions.of(self.measurements, self.group, self.derived)
+        return self.derived.motion(self.measurements, self.group)
 
     @property
     def beside(self) -> tuple[ModelStep, Derived, RobotMotion] | None:
@@ -177,7 +176,7 @@ class Store(ChangeSignal):
         if state is None or state.identification is None:
             return None
         derived = self.kept.keep(state.identification)
-        return step, derived, self._motions.of(self.measurements, self.group, derived)
+        return step, derived, derived.motion(self.measurements, self.group)
 
     @property
     def deflection(self) -> float:

@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
 from flexviz.parallel import Background
-from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback, never
+from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
 from flexviz.session import (
@@ -84,7 +85,7 @@ class Identify(SetTask["Identification"]):
     analysis: Analysis
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-        return _identify(self.analysis, progress, should_stop)
+        return _identify(self.analysis, progress=progress, should_stop=should_stop)
 
 
 @dataclass(frozen=True)
@@ -94,20 +95,13 @@ class CheckParameters(IdleTask["Identification"]):
     analysis: Analysis
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-        return _identify(replace(self.analysis, refine=False), progress, should_stop)
+        return _identify(self.analysis, refine=False, progress=progress, should_stop=should_stop)
 
 
-def _identify(analysis: Analysis, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-    return identify(
-        chosen_set(analysis),
-        effects=analysis.effects,
-        observer=analysis.observer,
-        bandwidth=analysis.bandwidth,
-        gains=analysis.gains,
-        refine=analysis.refine,
-        progress=progress,
-        should_stop=should_stop,
-    )
+def _identify(analysis: Analysis, **more: Any) -> Identification:
+    """Identify with the settings of the analysis, but for those in `more`."""
+    names = ("effects", "observer", "bandwidth", "gains", "refine")
+    return identify(chosen_set(analysis), **{name: getattr(analysis, name) for name in names} | more)
 
 
 @dataclass(frozen=True)
@@ -160,7 +154,10 @@ class Diagnose(SetTask[DiagnosedSet]):
             told.append(news)
             progress(news)
 
-        work = Background(lambda: _identify(self.analysis, tell, should_stop), begin=self.known is None)
+        def identified() -> Identification:
+            return _identify(self.analysis, progress=tell, should_stop=should_stop)
+
+        work = Background(identified, begin=self.known is None)
 
         def identify_set() -> Identification:
             result = work.result()
@@ -206,7 +203,7 @@ class Diagnose(SetTask[DiagnosedSet]):
                 raise Cancelled
             identification = identify_set()
             if identification.stopped:
-                identification = _identify(analysis, progress, never)
+                identification = _identify(analysis, progress=progress)
         if identification is not None:
             bandwidth = bandwidth_of(identification)
         added: list[Identification] = []
@@ -215,16 +212,7 @@ class Diagnose(SetTask[DiagnosedSet]):
             if model is None or should_stop():
                 break
             analysis = analysis.with_effects(found.effects)
-            added.append(
-                identify(
-                    chosen_set(analysis),
-                    effects=analysis.effects,
-                    observer=analysis.observer,
-                    bandwidth=bandwidth,
-                    gains=analysis.gains,
-                    model=model,
-                )
-            )
+            added.append(_identify(analysis, bandwidth=bandwidth, refine=False, model=model))
         return DiagnosedSet(diagnosis, identification, tuple(added))
 
 
@@ -243,17 +231,12 @@ class AddFreeCurve(SetTask[DiagnosedSet]):
             if text:
                 progress(Progress(text))
 
-        measurements, analysis = chosen_set(self.analysis), self.analysis
-        longer = with_free_curve(measurements, self.diagnosis, tell)
+        longer = with_free_curve(chosen_set(self.analysis), self.diagnosis, tell)
         last = longer.steps[-1]
         assert last.added is not None and last.model is not None
-        identification = identify(
-            measurements,
-            effects=(*analysis.effects, last.added.text),
-            observer=analysis.observer,
-            bandwidth=self.bandwidth,
-            gains=analysis.gains,
-            model=last.model,
+        effects = (*self.analysis.effects, last.added.text)
+        identification = _identify(
+            self.analysis, effects=effects, bandwidth=self.bandwidth, refine=False, model=last.model
         )
         return DiagnosedSet(replace(longer, findings=(), steps=(last,)), identification)
 

@@ -3,13 +3,12 @@
 from flexviz.batch.analysis import SetOptions
 from flexviz.batch.batch import BatchOutcome, is_batch, read_batch, run_batch, set_results
 from flexviz.batch.cluster import ClusterChoice, SchedulerLost, spread
-from flexviz.batch.fleet import Outlier, ParameterHistory, histories, outliers
+from flexviz.batch.fleet import histories, outliers
 from flexviz.batch.listing import about_html, fleet_html
 from flexviz.batch.page import counted_verdicts, drift_text, history_chart, parameter_words
 from flexviz.batch.rows import FleetRow, FleetValue
-from flexviz.batch.running import RunCount
 from flexviz.batch.study import StudyOutcome, run_study
-from flexviz.batch.study_page import ParameterSpread, detected, detection_limit, spreads
+from flexviz.batch.study_page import detected, detection_limit, spreads
 from flexviz.batch.study_plan import StudyPlan, StudyRun
 
 __all__ = [
@@ -17,10 +16,6 @@ __all__ = [
     "ClusterChoice",
     "FleetRow",
     "FleetValue",
-    "Outlier",
-    "ParameterHistory",
-    "ParameterSpread",
-    "RunCount",
     "SchedulerLost",
     "SetOptions",
     "StudyOutcome",

@@ -70,7 +70,7 @@ class TaskResult(BaseModel):
         result: what the kind of task returns; None after an error.
         error: why there is none, in one line.
         lasting: whether the same task would give the same again; otherwise the next run tries it once more.
-        seconds, cpu: duration and processor time [s].
+        seconds: duration [s].
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
@@ -81,7 +81,6 @@ class TaskResult(BaseModel):
     error: str = ""
     lasting: bool = True
     seconds: float = 0.0
-    cpu: float = 0.0
 
 
 class ResultStore:

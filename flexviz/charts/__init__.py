@@ -16,28 +16,3 @@ from flexviz.charts.chart import (
 from flexviz.charts.files import chart_csv, chart_name, charts_zip
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb
 from flexviz.charts.svg import FILE, PICTURE, draw_svg
-
-__all__ = [
-    "COLOURS",
-    "DASHED",
-    "DASHES",
-    "FILE",
-    "PICTURE",
-    "TIME",
-    "Chart",
-    "ChartAxis",
-    "ChartSeries",
-    "Ribbon",
-    "ShadedStage",
-    "chart_csv",
-    "chart_name",
-    "charts_zip",
-    "cividis",
-    "css",
-    "draw_svg",
-    "gradient",
-    "no_chart",
-    "rgb",
-    "thin",
-    "time_chart",
-]

@@ -28,9 +28,6 @@ PIPE_WIDTH = 160  # columns where standard output is not a terminal
 LINE_INTERVAL = 5.0  # [s] between two lines of a stage without a terminal
 
 
-# -- results -------------------------------------------------------------------------------------------
-
-
 def results() -> Console:
     """A console on standard output; brackets are not markup."""
     from rich.console import Console
@@ -94,9 +91,6 @@ def check_new_folder(folder: Path, table_format: str) -> None:
     if table_format not in SUFFIXES:
         raise InputError(f"--format {table_format}: {choose_from(table_format, SUFFIXES)}")
     check_free(folder.absolute())
-
-
-# -- progress ------------------------------------------------------------------------------------------
 
 
 def note(message: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.recording.comparing import RecordingComparison, compare_recordings, merge_recordings
+from flexviz.recording.comparing import compare_recordings, merge_recordings
 from flexviz.recording.files import repair_recording
 from flexviz.recording.live import LiveRecording
 from flexviz.recording.reading import Recorded, Recording, TruncatedRecording, check_recording, read_recording
@@ -19,7 +19,6 @@ __all__ = [
     "LiveRecording",
     "Recorded",
     "Recording",
-    "RecordingComparison",
     "RecordingFile",
     "TruncatedRecording",
     "check_recording",

@@ -7,21 +7,19 @@ effects, is drawn as lines in a frame with labels. Lengths are in drawing units,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from flexviz.charts import COLOURS, Chart, cividis, rgb
+from flexviz.diagnosis import Finding, ResidualMap, Step
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.signals import send_line
 from flexviz.recording.stream import Stream
-from flexviz.view import MAP_COLUMNS, free_chart, map_charts, map_of, staircase_chart
+from flexviz.view import MAP_COLUMNS, map_charts, map_of
 from flexviz.wording import effect_text_name, finding_name, number
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Finding, FreeCurve, ResidualMap, Step
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
@@ -156,9 +154,6 @@ def send_map(
     send_labels(stream, f"{entity}/words", labels)
 
 
-# -- of a diagnosis ------------------------------------------------------------------------------------------
-
-
 def send_maps(stream: Stream, where: str, joints: tuple[str, ...], maps: Sequence[ResidualMap]) -> None:
     """Where a model fails: `where`/map of all joints, and `where`/curves/<joint>."""
     if not maps:
@@ -175,11 +170,6 @@ def send_maps(stream: Stream, where: str, joints: tuple[str, ...], maps: Sequenc
         send_charts(stream, where + path("curves", joint), map_charts(maps, joint), columns=3)
 
 
-def send_staircase(stream: Stream, where: str, steps: Sequence[Step]) -> None:
-    """The error of every group after each added effect."""
-    send_charts(stream, f"{where}/staircase", [staircase_chart(steps, ticks=step_names(steps))])
-
-
 def step_names(steps: Sequence[Step]) -> list[str]:
     """The effect each step has added, from its finding or else from its model."""
     names: list[str] = []
@@ -194,11 +184,6 @@ def step_names(steps: Sequence[Step]) -> list[str]:
         )
         before = now
     return names
-
-
-def send_free_curve(stream: Stream, where: str, curve: FreeCurve | None) -> None:
-    """The free curve fitted to the unexplained residual."""
-    send_charts(stream, f"{where}/free", [free_chart(curve)])
 
 
 def send_evidence(stream: Stream, number: int, rank: int, finding: Finding) -> None:

@@ -22,9 +22,8 @@ from flexviz.recording.files import hidden
 from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
-from flexviz.recording.texts import table
 from flexviz.results import ObserverEntry
-from flexviz.wording import as_markdown, number, total_rms
+from flexviz.wording import as_markdown, markdown_table, number, total_rms
 
 SCALARS = "Scalars:scalars"
 NOTABLE_DEVIATIONS = 3.0  # [standard errors] larger differences are rarely chance, even among 100 parameters
@@ -129,7 +128,7 @@ def comparison_text(found: RecordingComparison) -> str:
     """The comparison as Markdown."""
     lines = [f"# {' and '.join(f'{side}: {as_markdown(r.file.name)}' for side, r in found.sides)}", ""]
     facts = ([title, *map(as_markdown, cells)] for title, cells in found.facts.items())
-    lines += table(["", "A", "B"], facts)
+    lines += markdown_table(["", "A", "B"], facts)
     rows = []
     for row in sorted(found.rows, key=_rank):
         apart = "–" if math.isnan(row.deviations) else f"{number(row.deviations, 2)} standard errors"
@@ -138,7 +137,7 @@ def comparison_text(found: RecordingComparison) -> str:
         values = (number(value, 5) for value in row.values)
         rows.append([*place, *values, row.unit, f"{mark}{apart}{mark}"])
     if rows:
-        lines += ["", *table(["parameter", "joint", "A", "B", "unit", "difference"], rows)]
+        lines += ["", *markdown_table(["parameter", "joint", "A", "B", "unit", "difference"], rows)]
     return "\n".join(lines)
 
 
@@ -180,9 +179,6 @@ def _largest_residuals(recording: Recording) -> dict[str, float]:
         if values:
             found[group] = max(values)
     return found
-
-
-# -- the layout ----------------------------------------------------------------------------------------------
 
 
 def _blueprint(found: RecordingComparison) -> rrb.Blueprint:

@@ -78,10 +78,6 @@ class Target:
             write_sidecar(place, checked.sha256)
         return replace(checked, file=place, confirmed=True, complete=complete)
 
-    def abandon(self) -> None:
-        """Remove the file."""
-        self.now.unlink(missing_ok=True)
-
 
 def check_target(file: Path) -> None:
     """Raise InputError if `file` cannot be written."""

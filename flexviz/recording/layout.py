@@ -8,25 +8,23 @@ texts need none.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
 from flexviz.charts import COLOURS, rgb
+from flexviz.diagnosis import Diagnosis
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.observers import Observer
 from flexviz.recording.charts import MAX_EVIDENCE
+from flexviz.recording.optimiser import Solve
 from flexviz.recording.paths import ABOUT, ITERATION, LOG, TIME, TITLES, observer_name, path
 from flexviz.recording.scene import Stage
 from flexviz.recording.signals import state_names
 from flexviz.recording.texts import group_title
 from flexviz.view import offered_curve
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.observers import Observer
-    from flexviz.recording.optimiser import Solve
 
 MAX_RESULT_TABS = 6  # of the newest results' texts
 NANOSECONDS = 1_000_000_000  # per second

@@ -23,18 +23,15 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Concatenate, ParamSpec
+from typing import Concatenate, ParamSpec
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
-from flexviz.progress import Progress
+from flexviz.progress import Iteration, Progress
 from flexviz.recording.files import Target
 from flexviz.recording.reading import Recorded
 from flexviz.recording.recorder import MAX_SAMPLES, Recorder
 from flexviz.recording.stream import Stream, viewer_address
-
-if TYPE_CHECKING:
-    from flexviz.progress import Iteration
 
 FLUSH_INTERVAL = 1.0  # [s] between two flushes
 WRITE_TIMEOUT = 120.0  # [s] limit of `flush` and `close`

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
 
 from flexviz.charts import rgb
+from flexviz.identification import Identification
+from flexviz.progress import Iteration
 from flexviz.recording.paths import ITERATION, TIME, parameter_path, path
 from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
 from flexviz.statistics import NORMAL_95
 from flexviz.view import falling_cost
-
-if TYPE_CHECKING:
-    from flexviz.identification import Identification
-    from flexviz.progress import Iteration
 
 RELATIVE_LIMIT = 10.0  # ratios of a parameter to its last value are clipped here
 

@@ -29,13 +29,11 @@ views are never empty, also on `time` [s] since its start. Results and diagnoses
 from __future__ import annotations
 
 from hashlib import sha256
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
 
-if TYPE_CHECKING:
-    from flexviz.observers import Observer
+from flexviz.observers import Observer
 
 TIME = "time"  # [s]
 ITERATION = "iteration"

@@ -35,7 +35,7 @@ class Recorded:
     """A recording that was read back.
 
     Attributes:
-        bytes, chunks, rows: their numbers.
+        bytes, chunks: their numbers.
         entities: entity paths.
         sha256: of the file.
         confirmed: whether it agrees with `<file>.sha256`.
@@ -45,7 +45,6 @@ class Recorded:
     file: Path
     bytes: int
     chunks: int
-    rows: int
     entities: tuple[str, ...]
     sha256: str
     confirmed: bool = False
@@ -87,15 +86,15 @@ def check_recording(path: str | Path, *, own: bool = False) -> Recorded:
             message = f"is damaged: Rerun's reader ended with signal {-run.returncode}"
             raise InputError(message, file=file)
     with _read_errors(file):
-        chunks, rows, entities = _content(file)
-        promised = _promised(file)
+        chunks, entities = _content(file)
+        promised = len(RrdReader(str(file)).store().summary().splitlines())  # in the footer
     if found != expected:
         raise InputError("is damaged: its SHA-256 differs from its .sha256 file", file=file)
     if chunks == 0:
         raise InputError("is empty, expected a Rerun recording with data", file=file)
     if chunks != promised:
         raise InputError(f"is damaged: its footer lists {promised} chunks, found {chunks}", file=file)
-    return Recorded(file, file.stat().st_size, chunks, rows, entities, found, beside)
+    return Recorded(file, file.stat().st_size, chunks, entities, found, beside)
 
 
 @contextmanager
@@ -116,19 +115,13 @@ def _read_errors(file: Path) -> Iterator[None]:
         raise InputError(f"is not a readable Rerun recording ({text})", file=file) from None
 
 
-def _content(file: Path) -> tuple[int, int, tuple[str, ...]]:
-    chunks = rows = 0
-    entities: dict[str, None] = {}
+def _content(file: Path) -> tuple[int, tuple[str, ...]]:
+    """Number of chunks, each of which is decoded, and entity paths."""
+    entities = []
     for chunk in RrdReader(str(file)).stream():
-        rows += chunk.to_record_batch().num_rows
-        chunks += 1
-        entities[chunk.entity_path] = None
-    return chunks, rows, tuple(entities)
-
-
-def _promised(file: Path) -> int:
-    """How many chunks the footer lists."""
-    return len(RrdReader(str(file)).store().summary().splitlines())
+        chunk.to_record_batch()
+        entities.append(chunk.entity_path)
+    return len(entities), tuple(dict.fromkeys(entities))
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from flexviz import __version__
+from flexviz.diagnosis import Diagnosis, ResidualMap, Step
+from flexviz.identification import Identification
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
+from flexviz.progress import Iteration
 from flexviz.recording import signals, texts
-from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
+from flexviz.recording.charts import MAX_EVIDENCE, send_charts, send_evidence, send_maps, step_names
 from flexviz.recording.layout import blueprint
 from flexviz.recording.optimiser import Solve
 from flexviz.recording.paths import ABOUT, LOG, observer_name, path
@@ -23,13 +26,9 @@ from flexviz.recording.scene import RobotScene
 from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, with_replay
+from flexviz.simulation import Run
+from flexviz.view import free_chart, staircase_chart
 from flexviz.wording import as_markdown, verdict_text
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, ResidualMap, Step
-    from flexviz.identification import Identification
-    from flexviz.progress import Iteration
-    from flexviz.simulation import Run
 
 MAX_SAMPLES = 10_000  # per signal and group
 ITERATIONS_INTERVAL = 2.0  # [s] between two batches of iterations: sending them slows the solver
@@ -53,8 +52,6 @@ class Recorder:
         self.solves: list[Solve] = []
         self.diagnoses: list[Diagnosis] = []
         self._observers: dict[str, Observer] = {}
-
-    # -- the measurement set -------------------------------------------------------------------------
 
     def measured(self, check: Check | None = None) -> None:
         """Send the set, its signals and every group's measured robot; without a check, flush in between."""
@@ -106,8 +103,6 @@ class Recorder:
             signals.send_states(self.stream, self.measurements, group, observer, self.samples)
         self._observers[name] = observer
         self.arrange()
-
-    # -- results -------------------------------------------------------------------------------------
 
     def start(self, label: str = "") -> Solve:
         """Start a solve: later iterations and the next result belong to it."""
@@ -167,9 +162,11 @@ class Recorder:
         where = path("diagnoses", number)
         self.stream.text(path("diagnoses", number, "verdict"), texts.diagnosis_text(diagnosis))
         self._json(path("diagnoses", number, "json"), diagnosis.to_dict())
-        send_staircase(self.stream, where, steps or diagnosis.steps)
+        steps = steps or diagnosis.steps
+        staircase = staircase_chart(steps, ticks=step_names(steps))
+        send_charts(self.stream, f"{where}/staircase", [staircase])
         send_maps(self.stream, where, joints, diagnosis.maps)
-        send_free_curve(self.stream, where, diagnosis.free_curve)
+        send_charts(self.stream, f"{where}/free", [free_chart(diagnosis.free_curve)])
         for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
             send_evidence(self.stream, number, rank, finding)
         self.note(f"diagnosis {number}: {verdict_text(diagnosis)}")
@@ -200,8 +197,6 @@ class Recorder:
         self.stream.close()
         target = self.stream.target
         return None if target is None else target.finish(self.stream.entities, self.layout(), complete)
-
-    # -- texts and layout ----------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
         """Add a line to the log."""

@@ -16,7 +16,7 @@ from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.stream import Stream
-from flexviz.scene import RobotMotion, RobotShape, measured_motion, robot_shape
+from flexviz.scene import RobotMotion, RobotShape, measured_motion, payload_place, robot_shape
 
 Array = NDArray[np.float64]
 RADIUS_PER_KG = 0.03  # [m/kg^⅓] of the ball that shows a payload
@@ -123,7 +123,7 @@ class RobotScene:
         self, group: Group, where: Callable[..., str], colour: tuple[int, int, int], pose: dict[str, Array]
     ) -> None:
         """The constant parts: meshes, base pose, payload; `pose` holds the link poses at any instant."""
-        robot, bodies = self._measurements.robot, self.shape.bodies
+        bodies = self.shape.bodies
         for body in bodies:
             mesh = rr.Mesh3D(
                 vertex_positions=body.vertices.astype(np.float32),
@@ -137,19 +137,17 @@ class RobotScene:
                 fixed = rr.Transform3D(translation=frame[:3, 3], mat3x3=frame[:3, :3])
                 self._stream.log(where(body.link), fixed, static=True)
         for number, payload in enumerate(group.bodies):
-            joint = robot.joint_of_link(payload.link)
-            carrier = next((body.link for body in bodies if body.joint == joint), None)
-            if carrier is None or payload.mass <= 0.0:
+            carried = payload_place(self._measurements.robot, self.shape, payload, pose)
+            if carried is None:
                 continue
-            relative = np.linalg.inv(pose[carrier]) @ pose[payload.link]
             ball = rr.Points3D(
-                [relative[:3, :3] @ payload.com + relative[:3, 3]],
+                [carried[1]],
                 radii=[RADIUS_PER_KG * payload.mass ** (1 / 3)],
                 colors=[(90, 90, 90)],
                 labels=[f"{payload.mass:g} kg"],
                 show_labels=False,
             )
-            self._stream.log(where(carrier, f"payload {number + 1}"), ball, static=True)
+            self._stream.log(where(bodies[carried[0]].link, f"payload {number + 1}"), ball, static=True)
 
 
 def quaternions(rotations: Array) -> Array:

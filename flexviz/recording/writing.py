@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from flexviz.diagnosis import Diagnosis
 from flexviz.errors import Cancelled, ConvergenceError, InputError
+from flexviz.identification import Identification
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
@@ -19,11 +20,7 @@ from flexviz.recording.files import Target
 from flexviz.recording.reading import Recorded
 from flexviz.recording.recorder import MAX_SAMPLES, Check, Recorder
 from flexviz.recording.stream import Stream
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.identification import Identification
-    from flexviz.session import Session
+from flexviz.session import Session
 
 
 @contextmanager
@@ -117,7 +114,7 @@ def recording_file(
     except BaseException:
         with suppress(InputError):
             recorder.stream.close()
-        target.abandon()
+        target.now.unlink(missing_ok=True)
         raise
     else:
         file.written = recorder.finish()

@@ -17,7 +17,7 @@ from flexviz.report.blocks import (
     Section,
     Tiles,
 )
-from flexviz.wording import as_markdown
+from flexviz.wording import as_markdown, markdown_table
 
 
 def markdown(document: ReportDocument) -> str:
@@ -54,10 +54,8 @@ def _block(block: Block) -> str:
             fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", block.text)), default=0))
             return f"{fence}{block.language}\n{block.text}\n{fence}"
         case ReportTable():
-            rule = ["---:" if i in block.numbers else "---" for i in range(len(block.head))]
-            head = " | ".join(plain(title) or " " for title in block.head)
-            lines = [f"| {head} |", f"|{'|'.join(rule)}|"]
-            lines += [f"| {' | '.join(map(_cell, row))} |" for row in block.rows]
+            head = [plain(title) or " " for title in block.head]
+            lines = markdown_table(head, [list(map(_cell, row)) for row in block.rows], block.numbers)
             return "\n".join([*([f"*{plain(block.caption)}*", ""] if block.caption else []), *lines])
 
 

@@ -14,12 +14,11 @@ from flexviz.report.blocks import ReportDocument, Section
 from flexviz.report.content import ReportContent, gather, shown_time
 from flexviz.report.html import html
 from flexviz.report.markdown import markdown
-from flexviz.report.sections.effects import effects, next_experiments, telling_apart
+from flexviz.report.sections.effects import effects, next_experiments, telling_apart, why
 from flexviz.report.sections.errors import group_rows, staircase, where
 from flexviz.report.sections.parameters import guard, parameters
 from flexviz.report.sections.reproduce import reproduce
 from flexviz.report.sections.summary import sentence, summary, warnings
-from flexviz.report.sections.why import why
 from flexviz.session import Session, now
 from flexviz.wording import plural
 

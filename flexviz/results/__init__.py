@@ -1,12 +1,12 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
 from flexviz.results.assessment import assessment, hints, lacks_effects
-from flexviz.results.base import Grade, Note, NoteKind, Verdict
+from flexviz.results.base import Grade, Note, Verdict
 from flexviz.results.curves import curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
-from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ParameterEntry, ValueEntry
+from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ValueEntry
 from flexviz.results.lookup import ParameterNotFound, find_parameter
-from flexviz.results.summary import WIDE, parts, run_lines
+from flexviz.results.summary import WIDE, markdown, parts, run_lines
 from flexviz.results.tables import interval, plain_table
 
 __all__ = [
@@ -15,9 +15,7 @@ __all__ = [
     "EffectEntry",
     "Grade",
     "Note",
-    "NoteKind",
     "ObserverEntry",
-    "ParameterEntry",
     "ParameterNotFound",
     "ResultDocument",
     "ValueEntry",
@@ -30,6 +28,7 @@ __all__ = [
     "interval",
     "json_schema",
     "lacks_effects",
+    "markdown",
     "note_entries",
     "parts",
     "plain_table",

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Protocol
 
-from flexviz.results.curves import EstimateLike
 from flexviz.results.entries import ParameterEntry, ResidualEntry, ResultFields
-from flexviz.wording import listed, noise_text, normalised, percent, plain_name, plural
+from flexviz.wording import ParameterLike, listed, noise_text, normalised, percent, plain_name, plural
 
 GOOD_SHARE = 0.1  # error or noise of a joint up to which it is good, relative to the spread of its torque
 FAR_FROM_NOISE = 3.0  # times the noise, from which the model lacks something ...
@@ -144,16 +142,7 @@ def _far(residual: ResidualEntry, rms: Sequence[float]) -> list[float]:
     ]
 
 
-class BoundedLike(EstimateLike, Protocol):
-    """A parameter that may be held at a bound."""
-
-    @property
-    def start(self) -> float | None: ...
-    @property
-    def at_bound(self) -> bool: ...
-
-
-def hints(parameters: Iterable[BoundedLike]) -> list[str]:
+def hints(parameters: Iterable[ParameterLike]) -> list[str]:
     """What values at their bounds say about the data, of an identification or a diagnosis."""
     parameters = list(parameters)
     inertias = [p for p in parameters if p.name == "motor_inertia"]
@@ -167,7 +156,7 @@ def hints(parameters: Iterable[BoundedLike]) -> list[str]:
     return [f"At the bound of what is possible: {listed(names)}; {what} no estimate."]
 
 
-def _without_motor(inertia: BoundedLike) -> bool:
+def _without_motor(inertia: ParameterLike) -> bool:
     """Whether a motor inertia ended at its lower bound."""
     if inertia.start is None:
         return False

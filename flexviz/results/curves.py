@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from flexviz.effects import FREE_CURVE_DIRECTIONS, CurveForm, curve_points, free_curve, simple_form
 from flexviz.results.base import Column, Counts, Nullable, ResultEntry, Rows, check_lengths
+from flexviz.wording import ParameterLike
 
 
 class MapEntry(ResultEntry):
@@ -84,22 +85,9 @@ def _simple_form(
     return simple_form(curve_points(variable, at, *rows), variable, unit)
 
 
-class EstimateLike(Protocol):
-    """A parameter of a result."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def joint(self) -> str | None: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def std(self) -> float | None: ...
-
-
-def curve_tables(parameters: Iterable[EstimateLike]) -> list[CurveTableEntry]:
+def curve_tables(parameters: Iterable[ParameterLike]) -> list[CurveTableEntry]:
     """The free curves among the parameters of a model."""
-    found: dict[tuple[str, str | None], list[EstimateLike]] = {}
+    found: dict[tuple[str, str | None], list[ParameterLike]] = {}
     for p in parameters:
         effect = p.name.partition(".")[0]
         if free_curve(effect) is not None:

@@ -9,7 +9,14 @@ from rich.table import Table
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
 from flexviz.results.assessment import hints
-from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, ResultFields, StepEntry
+from flexviz.results.entries import (
+    AddedEntry,
+    CandidateEntry,
+    EffectEntry,
+    PlaceEntry,
+    ResultFields,
+    StepEntry,
+)
 from flexviz.results.tables import in_ascii, plain_table
 from flexviz.wording import (
     SAID_AS_SHARES,
@@ -17,7 +24,6 @@ from flexviz.wording import (
     MergedFinding,
     absorbed_list,
     added_families,
-    by_share,
     confidence_of,
     confidence_range,
     curve_text,
@@ -26,7 +32,6 @@ from flexviz.wording import (
     family_title,
     finding_key,
     found_shares,
-    left_text,
     location,
     mean_nrms,
     merged_findings,
@@ -43,6 +48,7 @@ from flexviz.wording import (
     told_moves,
     value_text,
     verdict_text,
+    what_stays,
 )
 
 SHOWN_ABSORBED = 4  # parameters
@@ -55,8 +61,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     joints = joints_of(result)
     last = result.steps[-1] if result.steps else None
     spread = result.torque.spread if result.torque is not None else []
-    error = [] if last is None else last.rms_validation or last.rms
-    worst = joints[by_share(error, spread)[0]] if error and spread else ""
+    worst, left_over = what_stays(joints, last, spread)
     out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
     for rank, merged in enumerate(merged_findings(result.candidates, found_shares(result)), 1):
         out += candidate_lines(rank, merged, joints)
@@ -68,8 +73,8 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
             out.append(
                 f"before, this had been absorbed by {in_ascii(absorbed_list(absorbed, SHOWN_ABSORBED))}"
             )
-        if result.final_verdict == "unknown" and spread:
-            out.append(f"what stays: {left_text(joints, error, spread, last.noise_floor)}")
+        if result.final_verdict == "unknown" and left_over:
+            out.append(left_over)
     place = location(result.where)
     if result.final_verdict == "unknown" and place is not None:
         units = {(one.joint, one.variable): one.unit for one in result.maps}
@@ -90,9 +95,6 @@ def joints_of(result: ResultFields) -> tuple[str, ...]:
     if result.torque is not None:
         return tuple(result.torque.joints)
     return tuple(dict.fromkeys(p.joint for p in result.all_parameters if p.joint is not None))
-
-
-# -- candidates ----------------------------------------------------------------------------------------------
 
 
 def added_lines(result: ResultFields) -> Iterator[str]:
@@ -151,7 +153,7 @@ def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Se
         yield f"     {member.joint}: {values(member)}" + (f"; not told apart from {twins}" if twins else "")
 
 
-def named(one: PlaceEntry) -> str:
+def named(one: CandidateEntry | AddedEntry) -> str:
     """The effect by its name on the command line, after the family that it stands for."""
     family = tied_family(one)
     return one.effect if family is None else f"{family_title(family.name)} ({UNTOLD}; here {one.effect})"
@@ -186,9 +188,6 @@ def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
     lines = [*accepted, *refused[:room_refused], *decoys]
     title = "why these effects: moves of the search, with the decrease of its objective"
     return [title, *(f"     {in_ascii(line)}" for line in lines)] if lines else []
-
-
-# -- steps ---------------------------------------------------------------------------------------------------
 
 
 def steps_parts(

@@ -16,11 +16,12 @@ from pydantic import ValidationError
 
 from flexviz.errors import InputError
 from flexviz.results.base import Note
-from flexviz.results.curves import EstimateLike, curve_tables
+from flexviz.results.curves import curve_tables
 from flexviz.results.entries import ParameterEntry, ResultFields
 from flexviz.results.lookup import find_parameter
 from flexviz.results.summary import html, text
 from flexviz.schemas import input_error
+from flexviz.wording import ParameterLike
 
 LARGEST_BYTES = 50_000_000
 SUFFIXES = (".json", ".yaml", ".yml")
@@ -61,7 +62,7 @@ def note_entries(notes: Iterable[Note]) -> dict[str, Any]:
     return {"notes": [note.text for note in notes], "typed_notes": notes}
 
 
-def curve_entries(parameters: Iterable[EstimateLike]) -> dict[str, Any]:
+def curve_entries(parameters: Iterable[ParameterLike]) -> dict[str, Any]:
     """A document's tables of the free curves in a model, if it has any."""
     tables = curve_tables(parameters)
     return {"curves": tables} if tables else {}

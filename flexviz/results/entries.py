@@ -12,10 +12,11 @@ import numpy as np
 from pydantic import AliasChoices, Field, ValidationInfo, field_validator, model_validator
 
 from flexviz.effects import free_curve
+from flexviz.model import EffectValue
 from flexviz.results.base import (
     Column,
     Grade,
-    NoteKind,
+    Note,
     Nullable,
     Number,
     ResultEntry,
@@ -195,8 +196,7 @@ class PlaceEntry(ResultEntry):
     @property
     def text(self) -> str:
         """`coulomb_friction:joint1`, `external_contact:joint1@g2`"""
-        place = self.joint or self.payload
-        return self.effect + (f":{place}" if place else "") + (f"@{self.group}" if self.group else "")
+        return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
 
 
 class CandidateEntry(PlaceEntry):
@@ -253,13 +253,6 @@ class ModelEntry(ResultEntry):
     parameters: list[ParameterEntry]
 
 
-class NoteEntry(ResultEntry):
-    """A note of a diagnosis."""
-
-    kind: NoteKind
-    text: str
-
-
 class ResultFields(ResultEntry):
     """The fields of a `ResultDocument`."""
 
@@ -285,7 +278,7 @@ class ResultFields(ResultEntry):
     effects: list[EffectEntry] | None = None
     residual: ResidualEntry | None = None
     notes: list[str] = Field(default_factory=list)
-    typed_notes: list[NoteEntry] = Field(default_factory=list)
+    typed_notes: list[Note] = Field(default_factory=list)
     maps: list[MapEntry] = Field(default_factory=list)
     free_curve: FreeCurveEntry | None = None
     curves: list[CurveTableEntry] = Field(default_factory=list)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from flexviz.errors import FlexvizError, choose_from
-from flexviz.wording import Placed
+from flexviz.wording import ParameterLike
 
 
 class ParameterNotFound(FlexvizError, KeyError):
@@ -15,14 +15,7 @@ class ParameterNotFound(FlexvizError, KeyError):
     exit_code = 2
 
 
-class NamedParameter(Placed, Protocol):
-    """A parameter of an identification or of a results document."""
-
-    @property
-    def name(self) -> str: ...
-
-
-P = TypeVar("P", bound=NamedParameter)
+P = TypeVar("P", bound=ParameterLike)
 
 
 def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -> P:
@@ -47,11 +40,6 @@ def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -
         found = [p for p in named if p.joint is None] if not isinstance(key, str) else []
     if len(found) == 1:
         return found[0]
-    places = [place_of(p) for p in named if place_of(p)]
+    places = [other for p in named if (other := p.joint or p.payload or p.group)]
     asked = f'"{place}"' if place else "without a place"
     raise ParameterNotFound(f'parameter "{name}" {asked}: {choose_from(place or "", places)}')
-
-
-def place_of(parameter: Placed) -> str:
-    """Joint, payload or group of a parameter; empty if it has none."""
-    return parameter.joint or parameter.payload or parameter.group or ""

@@ -14,7 +14,7 @@ from flexviz.results.curves import CurveTableEntry
 from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
 from flexviz.results.tables import in_ascii, interval, plain_table
-from flexviz.wording import effect_title, escape, normalised, number
+from flexviz.wording import as_markdown, effect_title, escape, markdown_table, normalised, number
 
 WIDE = 110  # columns from which a table has room for ties between parameters
 
@@ -34,11 +34,29 @@ def html(result: ResultFields) -> str:
         if isinstance(part, str):
             out.append(f"<div>{escape(part)}</div>")
             continue
-        head = "".join(f"<th>{escape(column.header)}</th>" for column in part.columns)
-        rows = zip(*(column.cells for column in part.columns), strict=True)
+        titles, *rows = rows_of(part)
+        head = "".join(f"<th>{escape(title)}</th>" for title in titles)
         body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
         out.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
     return "".join(out)
+
+
+def markdown(result: ResultFields) -> str:
+    """The whole result as Markdown; indented lines are entries of lists."""
+    out = []
+    for part in parts(result, WIDE):
+        if isinstance(part, str):
+            out.append(("   - " if part.startswith("     ") else "") + as_markdown(part.strip()))
+        else:
+            head, *rows = ([as_markdown(cell) for cell in row] for row in rows_of(part))
+            out.append("\n".join(markdown_table(head, rows)))
+    return "\n\n".join(out)
+
+
+def rows_of(table: Table) -> list[list[str]]:
+    """The titles of a table's columns, then its rows."""
+    columns = ((str(column.header), *map(str, column.cells)) for column in table.columns)
+    return [list(row) for row in zip(*columns, strict=True)]
 
 
 def parts(result: ResultFields, width: int) -> list[Table | str]:
@@ -69,9 +87,6 @@ def run_lines(result: ResultFields) -> list[str]:
     if result.condition_number is not None:
         lines.append(f"condition number {result.condition_number:.3g}")
     return lines
-
-
-# -- tables --------------------------------------------------------------------------------------------------
 
 
 def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) -> Table:

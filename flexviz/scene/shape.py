@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.robot import Robot
+from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import resolve_mesh
 
 Array = NDArray[np.float64]
@@ -168,6 +168,21 @@ def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Arr
         capsule.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], end[:3, 3] / length))
         meshes.append(capsule)
     return trimesh.util.concatenate(meshes)
+
+
+def payload_place(
+    robot: Robot, shape: RobotShape, load: PayloadBody, poses: dict[str, Array]
+) -> tuple[int, Array] | None:
+    """Index of the body that carries a load, and the load's place (3,) in the frame of its link [m].
+
+    None where nothing is to be drawn. `poses` are those of the links at any instant.
+    """
+    joint = robot.joint_of_link(load.link)
+    index = next((i for i, body in enumerate(shape.bodies) if body.joint == joint), None)
+    if index is None or load.mass <= 0:
+        return None
+    relative = np.linalg.inv(poses[shape.bodies[index].link]) @ poses[load.link]
+    return index, relative[:3, :3] @ load.com + relative[:3, 3]
 
 
 def tip_link(robot: Robot, poses: dict[str, Array]) -> str:

@@ -5,16 +5,13 @@ from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSu
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SessionChanged, save_session, zipped
-from flexviz.session.staircase import DiagnosedModel, diagnosed_models, model_chain
+from flexviz.session.staircase import diagnosed_models, model_chain
 from flexviz.session.state import (
     HISTORY,
     ROLES,
     Analysis,
     ModelStep,
-    Role,
     Session,
-    SessionNote,
-    SessionStep,
     Settings,
     identified_errors,
     now,
@@ -27,16 +24,12 @@ __all__ = [
     "SESSION_FILE",
     "Analysis",
     "Autosave",
-    "DiagnosedModel",
     "ModelStep",
     "OpenedSession",
     "ParameterRow",
-    "Role",
     "Session",
     "SessionChanged",
     "SessionComparison",
-    "SessionNote",
-    "SessionStep",
     "SessionSummary",
     "Settings",
     "Unsaved",

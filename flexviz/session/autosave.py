@@ -8,7 +8,6 @@ Only folders that no live process has locked are offered for recovery.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import shutil
@@ -20,7 +19,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from flexviz.errors import FlexvizError, one_line
-from flexviz.files import remove_leftovers
+from flexviz.files import lock, remove_leftovers
 from flexviz.measurements import MeasurementSet
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.saving import save_session
@@ -146,7 +145,7 @@ class Autosave:
         while folder.exists() or _lock_of(folder).exists():
             folder = folder.with_name(folder.name + "a")
         self._lock = os.open(_lock_of(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        lock(self._lock)
         return folder
 
     def _release(self) -> None:
@@ -198,12 +197,9 @@ def _in_use(folder: Path) -> bool:
     except FileNotFoundError:
         return False
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
+        return not lock(descriptor)
     finally:
         os.close(descriptor)
-    return False
 
 
 def _remove(folder: Path) -> None:
@@ -221,7 +217,7 @@ def _remove(folder: Path) -> None:
 def _remove_interrupted(place: Path) -> None:
     """Remove incomplete folders and unused locks of processes that have ended."""
     remove_leftovers(place, age=0.0)
-    for lock in place.glob(f"*{LOCK}"):
-        folder = place / lock.name.removesuffix(LOCK)
+    for file in place.glob(f"*{LOCK}"):
+        folder = place / file.name.removesuffix(LOCK)
         if not folder.exists() and not _in_use(folder):
-            lock.unlink(missing_ok=True)
+            file.unlink(missing_ok=True)

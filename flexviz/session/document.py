@@ -75,16 +75,6 @@ def from_1(document: Document, folder: Path) -> Document:
     }
 
 
-def from_2(document: Document, folder: Path) -> Document:
-    """Migrate format 2: other class names, notes of a diagnosis as plain sentences."""
-    return renamed(document) | {"format": 3}
-
-
-def from_3(document: Document, folder: Path) -> Document:
-    """Migrate format 3: no gains of the observer set by hand, which have a default."""
-    return document | {"format": 4}
-
-
 def renamed(value: Any) -> Any:
     """Packed values with the current names of classes and fields."""
     if isinstance(value, list):
@@ -107,7 +97,11 @@ def typed_note(text: str) -> Document:
     return {"=": "Note", "kind": next(found, bandwidth), "text": text}
 
 
-MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {1: from_1, 2: from_2, 3: from_3}
+MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {
+    1: from_1,
+    2: lambda document, _: renamed(document) | {"format": 3},  # other class names, notes as plain sentences
+    3: lambda document, _: document | {"format": 4},  # no gains set by hand, which have a default
+}
 
 
 @dataclass(frozen=True)

@@ -108,12 +108,14 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
     steps |= {name: [packer.pack(step) for step in getattr(session, name)] for name in ("past", "future")}
     notes = packer.pack(session.notes)
     arrays = [write_arrays(folder, part) for part in packer.parts()]
+    files = [file for file in loaded_files() if file.is_file()]
+    own_effects = [{"path": str(file), "sha256": sha256_of(file)} for file in files]
     document = {
         "format": FORMAT,
         "flexviz": __version__,
         "saved": now(),
         "set": SetReference.of(measurements, final, carried).to_json(),
-        "effects_from": _own_effects(),
+        "effects_from": own_effects,  # opening a session never loads them
         "notes": notes,
         "recordings": [_beside(file, final) for file in session.recordings],
         **steps,
@@ -124,11 +126,6 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
     remove_others(folder, arrays)
     remove_leftovers(folder, age=0.0)
     (folder / OLD_ARRAYS).unlink(missing_ok=True)
-
-
-def _own_effects() -> list[dict[str, str]]:
-    """Files of user-defined effects; opening a session never loads them."""
-    return [{"path": str(file), "sha256": sha256_of(file)} for file in loaded_files() if file.is_file()]
 
 
 def _beside(file: Path, folder: Path) -> str:

@@ -153,11 +153,6 @@ class Analysis:
             raise InputError(f'role "{role}" does not exist; {choose_from(role, ROLES)}')
         return replace(self, roles=tuple((name, role if name == group else old) for name, old in self.roles))
 
-    def with_effect(self, effect: str, on: bool) -> Analysis:
-        """A copy with an effect added or removed."""
-        others = tuple(name for name in self.effects if name != effect)
-        return replace(self, effects=(*others, effect) if on else others)
-
     def with_effects(self, effects: Iterable[str]) -> Analysis:
         """A copy with more effects."""
         new = tuple(name for name in effects if name not in self.effects)

@@ -15,32 +15,37 @@ from flexviz.results import hints
 from flexviz.wording import (
     LIKELY,
     SAID_AS_SHARES,
+    TRACE_TITLE,
     MergedFinding,
     absorbed_list,
+    added_families,
     bounds_text,
-    by_share,
     capitalised,
     confidence_of,
     confidence_range,
+    decoys_text,
     effect_text_name,
     effect_title,
     enters_text,
     escape,
     kinds_text,
-    left_text,
     lower,
     moved,
     parameter_text,
     removes_text,
     tie_text,
+    told_moves,
     values_text,
     verdict_text,
+    what_stays,
 )
 
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
 """Always listed; the others are in folded sections."""
 
 MAX_PICTURE_BYTES = 60_000
+REFUSED = 8  # refused moves in the table of the search
+DECREASE = "decrease of the objective ± its standard error [nats]"
 KINDS = {
     "motor": "Motor side",
     "sensing": "Recorded torque",
@@ -154,11 +159,11 @@ def verdict_html(
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it if '
             "necessary, examines the residual, and tries every known effect.</div>"
         )
-    left, worst = what_stays(diagnosis, joints, spread)
+    worst, left = what_stays(joints, diagnosis.steps[-1] if diagnosis.steps else None, spread)
     skipped = (*(SAID_AS_SHARES if spread else ()), *(["free-curve"] if diagnosis.free_curve else []))
     verdict = verdict_text(diagnosis, joints=joints, worst=worst)
     told = [n.text for n in diagnosis.notes if n.kind not in skipped and n.text not in verdict]
-    texts = [*left, *told]
+    texts = [*([left] if left and diagnosis.verdict == "unknown" else []), *told]
     notes = "".join(f'<div class="fv-dim">{escape(capitalised(text))}.</div>' for text in texts)
     notes += "".join(f'<div class="fv-warn">{escape(hint)}</div>' for hint in hints(diagnosis.parameters))
     if diagnosis.stopped:
@@ -179,17 +184,6 @@ def so_far_html(best: BestSoFar | None, running: bool) -> str:
         return ""
     text = best.running if running else best.stopped
     return f'<div class="fv fv-so-far">{escape(text[:1].upper() + text[1:])}</div>'
-
-
-def what_stays(diagnosis: Diagnosis, joints: Sequence[str], spread: Sequence[float]) -> tuple[list[str], str]:
-    """What the model leaves after "Unknown:", as a sentence, and the joint of which it explains least."""
-    if not spread or not diagnosis.steps:
-        return [], ""
-    last = diagnosis.steps[-1]
-    rms = last.rms_validation or last.rms
-    worst = joints[by_share(rms, spread)[0]]
-    text = f"what stays: {left_text(joints, rms, spread, last.noise_floor)}"
-    return ([text] if diagnosis.verdict == "unknown" else []), worst
 
 
 def heading_html(diagnosis: Diagnosis | None) -> str:
@@ -235,3 +229,21 @@ def _member_rows(merged: MergedFinding[Finding], joints: Sequence[str]) -> str:
         hard = f" (hard to tell from {ties})" if ties else ""
         rows.append(f"<div>{escape(one.joint)}: {escape(values_text(one) + hard)}</div>")
     return "".join(rows)
+
+
+def trace_html(diagnosis: Diagnosis | None, joints: Sequence[str] = ()) -> str:
+    """Accepted and best refused moves, folded; empty where none are kept."""
+    if diagnosis is None or not diagnosis.trace:
+        return ""
+    moves = told_moves(diagnosis.trace, joints, added_families(diagnosis), refused=REFUSED)
+    rows = "".join(
+        f"<tr><td>{'✓' if move.accepted else '–'} {escape(move.text)}</td><td>{escape(move.delta)}</td>"
+        f"<td>{escape(move.why)}</td></tr>"
+        for move in moves
+    )
+    decoys = "" if diagnosis.decoys is None else f"<p>{capitalised(decoys_text(*diagnosis.decoys))}.</p>"
+    return (
+        f'<div class="fv"><details class="fv-card"><summary>{TRACE_TITLE}</summary>'
+        f'<table class="fv-table fv-left"><tr><th>move</th><th title="{DECREASE}">Δ [nats]</th><th></th></tr>'
+        f'{rows}</table>{decoys}<p class="fv-dim">✓ accepted, – refused; Δ: {DECREASE}.</p></details></div>'
+    )

@@ -27,7 +27,6 @@ from flexviz.wording import SYMBOLS, escape, number
 
 Array = NDArray[np.float64]
 
-# -- convergence -----------------------------------------------------------------------------------------
 
 MAX_PARAMETERS = 14  # drawn
 COST_SLACK = 1e-3  # relative rise of the cost that rounding and damping may cause within a stage
@@ -190,8 +189,6 @@ def progress_text(iterations: Sequence[Iteration]) -> str:
     last = iterations[-1]
     return f"iteration {len(iterations)} ({last.stage}): cost {last.cost:.4g}, step {last.step:.1e}"
 
-
-# -- bandwidth sweep -------------------------------------------------------------------------------------
 
 SWEEP_COUNT = 11  # bandwidths
 SWEEP_FACTOR = 3.0  # between the present bandwidth and the ends of the sweep

@@ -128,19 +128,13 @@ def _minutes(measurements: MeasurementSet) -> str:
     return f"{number(seconds, 3)} s" if seconds < 600 else f"{number(seconds / 60, 3)} min"
 
 
-# -- identifiability ---------------------------------------------------------------------------------------
-
 MAX_NAMED = 8  # parameters in a sentence
 
 
-def parameter_name(p: ParameterEstimate) -> str:
-    """ "K joint1"."""
-    return f"{SYMBOLS.get(p.name, plain_name(p.name))} {p.joint or ''}".strip()
-
-
 def parameter_names(parameters: Sequence[ParameterEstimate]) -> str:
-    """The first `MAX_NAMED` names and the number of others."""
-    names = [parameter_name(p) for p in parameters[:MAX_NAMED]]
+    """The first `MAX_NAMED` names, "K joint1", and the number of others."""
+    first = parameters[:MAX_NAMED]
+    names = [f"{SYMBOLS.get(p.name, plain_name(p.name))} {p.joint or ''}".strip() for p in first]
     more = len(parameters) - MAX_NAMED
     return ", ".join(names) + (f" and {plural(more, 'other')}" if more > 0 else "")
 

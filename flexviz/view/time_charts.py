@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +38,6 @@ THETA_STATES = (
     ("theta4", "θ⁗", "rad/s⁴"),
 )  # key, title, unit
 EVIDENCE = "evidence"
-
-
-# -- torque, residual, error -----------------------------------------------------------------------------
 
 
 def torque(group: Group, joint: int) -> tuple[Array, Array]:
@@ -110,18 +107,6 @@ def _error_chart(joint: int, name: str, motion: RobotMotion | None, span: tuple[
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
     time, error = within(span, motion.time, error)
     return _signal("error", f"Simulated − measured θ, {name}", time, COLOURS.model, error, "rad")
-
-
-# -- the observer's states -------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class ObserverNumbers:
-    """Properties of an observer."""
-
-    lag: float  # delay of slow motion [s]
-    noise_gain: Array  # (5,) from noise of θ to noise of each derivative [1, 1/s, … 1/s⁴]
-    note: str  # on its phase
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:
@@ -222,30 +207,22 @@ def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
     )
 
 
-def observer_numbers(observer: Observer, step: float) -> ObserverNumbers:
-    """Lag and noise gain at a sampling step [s]."""
+def numbers_html(observer: Observer, step: float) -> str:
+    """Lag of slow motion and noise gain at a sampling step [s] as a small table."""
     if observer.zero_phase:
         note = "zero phase: forward and backward filtering, no delay"
     elif observer.name == "eso":
         note = "causal: each derivative lags differently, which biases stiffness and motor inertia"
     else:
         note = "equal delay: θ, τ and all derivatives lag alike"
-    return ObserverNumbers(float(observer.lag(step)), np.asarray(observer.noise_gain(step)), note)
-
-
-def numbers_html(numbers: ObserverNumbers) -> str:
-    """Lag and noise gain as a small table."""
-    gains = "".join(f"<td>{number(value, 2)}</td>" for value in numbers.noise_gain)
+    gains = "".join(f"<td>{number(value, 2)}</td>" for value in observer.noise_gain(step))
     return (
-        f'<div class="fv"><b>Lag</b> {number(1000 * numbers.lag, 3)} ms at 1 Hz '
-        f'<span class="fv-dim">({numbers.note})</span>'
+        f'<div class="fv"><b>Lag</b> {number(1000 * observer.lag(step), 3)} ms at 1 Hz '
+        f'<span class="fv-dim">({note})</span>'
         '<table class="fv-table"><tr><th>Noise gain, derivative</th>'
         "<th>θ</th><th>1st</th><th>2nd</th><th>3rd</th><th>4th</th></tr>"
         f'<tr><td class="fv-dim">1/sᵏ</td>{gains}</tr></table></div>'
     )
-
-
-# -- evidence --------------------------------------------------------------------------------------------
 
 
 def evidence_chart(finding: Finding | None, group: str = "", height: int = 190) -> Chart:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.statistics import NORMAL_95
-from flexviz.wording.effect_families import FamilyLike, capitalised, family_title, tied_family
 from flexviz.wording.numbers import interval, listed, number, plain_name, plural, unit_text
+from flexviz.wording.records import AbsorbedLike, FamilyLike, FindingLike, NamedLike, TieLike, ValueLike
 
+FAMILY_TITLES = {
+    "dry_friction": "dry friction",
+    "constant_torque": "a constant torque",
+    "torque_scale": "torque scale or load-dependent friction",
+}
+UNTOLD = "which kind, these data do not tell"
 ALONG = {
     "position": "the position",
     "velocity": "the velocity",
@@ -25,87 +30,19 @@ INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
 }
 
 
-class Placed(Protocol):
-    """A parameter or an effect of a joint, a payload or a group, or of the whole robot."""
-
-    @property
-    def joint(self) -> str | None: ...
-    @property
-    def payload(self) -> str | None: ...
-    @property
-    def group(self) -> str | None: ...
+def family_title(name: str) -> str:
+    """ "dry friction"; the readable name of a family that has no title."""
+    return FAMILY_TITLES.get(name, plain_name(name))
 
 
-class NamedLike(Placed, Protocol):
-    """An effect that was found, or the place where it stands in a document."""
-
-    @property
-    def effect(self) -> str: ...
-    @property
-    def text(self) -> str: ...
-    @property
-    def confidence(self) -> float | None: ...
-    @property
-    def family(self) -> FamilyLike | None: ...
-    @property
-    def share(self) -> float | None: ...
+def tied_family(finding: NamedLike) -> FamilyLike | None:
+    """The family that a finding stands for; None if the data tell which of its members acts."""
+    return finding.family if finding.family is not None and finding.family.tied else None
 
 
-class FindingLike(NamedLike, Protocol):
-    """A candidate of a diagnosis or of a results document."""
-
-    @property
-    def score(self) -> float: ...
-    @property
-    def confidence(self) -> float: ...
-    @property
-    def parameters(self) -> Mapping[str, ValueLike]: ...
-
-
-class ValueLike(Protocol):
-    """A value with its standard error."""
-
-    @property
-    def value(self) -> float: ...
-    @property
-    def std(self) -> float | None: ...
-    @property
-    def unit(self) -> str: ...
-
-
-class TieLike(Protocol):
-    """An effect that the data hardly tell from another."""
-
-    @property
-    def effect(self) -> str: ...
-    @property
-    def joint(self) -> str | None: ...
-    @property
-    def correlation(self) -> float: ...
-
-
-class AbsorbedLike(Protocol):
-    """A parameter that moved when an effect was added."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def joint(self) -> str | None: ...
-    @property
-    def before(self) -> float: ...
-    @property
-    def after(self) -> float: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def deviations(self) -> float | None: ...
-
-
-class AbsorbingLike(Protocol):
-    """An effect with the parameters that had absorbed it."""
-
-    @property
-    def absorbed(self) -> Sequence[AbsorbedLike]: ...
+def capitalised(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
 
 
 def effect_title(name: str) -> str:
@@ -225,7 +162,7 @@ class Moved:
     deviations: float
 
 
-def moved(findings: Iterable[AbsorbingLike]) -> list[Moved]:
+def moved(findings: Iterable[NamedLike]) -> list[Moved]:
     """Every parameter that had absorbed any of the effects, once; `findings` in the order of their addition.
 
     Its value before the first and after the last of these effects; the largest change (in standard errors)

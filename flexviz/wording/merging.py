@@ -6,42 +6,27 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
-from flexviz.wording.effect_families import UNTOLD, capitalised, family_title, tied_family
 from flexviz.wording.findings import (
-    FindingLike,
-    NamedLike,
-    Placed,
+    UNTOLD,
+    capitalised,
     confidence_of,
     effect_text_name,
     effect_title,
+    family_title,
     finding_name,
     finding_title,
     share_text,
+    tied_family,
 )
 from flexviz.wording.numbers import listed
+from flexviz.wording.records import DiagnosisLike, FindingLike, NamedLike
 from flexviz.wording.shares import FindingKey, finding_key
 
 LIKELY = 0.5  # confidence from which a finding is likelier than not: two of these are no rivals
 COUNTS = ("three", "four", "five", "six", "seven", "eight")
 _NUMBERED = re.compile(r"(.*joint_?)(\d+)", re.IGNORECASE)
-
-
-class AddLike(Protocol):
-    """A model on the way and the effect that it adds."""
-
-    @property
-    def added(self) -> NamedLike | None: ...
-
-
-class ChainLike(Protocol):
-    """A diagnosis or a results document."""
-
-    @property
-    def steps(self) -> Sequence[AddLike]: ...
-    @property
-    def findings(self) -> Sequence[NamedLike]: ...
 
 
 N = TypeVar("N", bound=NamedLike)
@@ -136,7 +121,8 @@ def merged_findings(
     for k, finding in enumerate(findings):
         family = tied_family(finding)
         key = (finding.effect, "") if family is None else ("", family.name)
-        likely = confidence_of(finding) >= LIKELY and on_a_joint(finding)
+        on_a_joint = finding.joint is not None and finding.group is None and finding.payload is None
+        likely = confidence_of(finding) >= LIKELY and on_a_joint
         found.setdefault(key if likely else k, []).append(finding)
     merged = [MergedFinding(tuple(members), _share(members, shares)) for members in found.values()]
     return sorted(merged, key=lambda one: 1.0 if one.share is None else -one.share)
@@ -182,7 +168,7 @@ def tied_families(findings: Iterable[NamedLike]) -> dict[str, str]:
     return {text: family.name for text, family in tied if family is not None}
 
 
-def added_families(result: ChainLike) -> dict[str, str]:
+def added_families(result: DiagnosisLike) -> dict[str, str]:
     """The same of a whole diagnosis: of its findings and of what its steps add."""
     added = [step.added for step in result.steps if step.added is not None]
     return tied_families([*result.findings, *added])
@@ -209,8 +195,3 @@ def text_runs(
         else:
             out.append((list(texts), k))
     return [(listed(text_names(texts, joints, families)) if texts else "", texts, k) for texts, k in out]
-
-
-def on_a_joint(finding: Placed) -> bool:
-    """Whether an effect belongs to a joint, in all groups."""
-    return finding.joint is not None and finding.group is None and finding.payload is None

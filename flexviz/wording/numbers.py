@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 from flexviz.statistics import NORMAL_95
 
@@ -71,6 +71,14 @@ def escape(text: object) -> str:
 def as_markdown(text: str) -> str:
     """Text with its Markdown characters escaped."""
     return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", text)
+
+
+def markdown_table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Container[int] = ()
+) -> list[str]:
+    """Lines of a Markdown table, whose columns `numbers` are aligned right; cells must be escaped."""
+    rule = ["---:" if i in numbers else "---" for i in range(len(head))]
+    return [f"| {' | '.join(row)} |" for row in (head, rule, *rows)]
 
 
 def listed(names: Sequence[str]) -> str:

@@ -5,53 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Protocol
 
 from flexviz.wording.errors import normalised
-
-
-class ErrorsLike(Protocol):
-    """A model on the way with its errors per joint [Nm]."""
-
-    @property
-    def rms(self) -> Sequence[float]: ...
-    @property
-    def rms_validation(self) -> Sequence[float] | None: ...
-
-
-class SharedLike(Protocol):
-    """An effect that may know its share."""
-
-    @property
-    def text(self) -> str: ...
-    @property
-    def confidence(self) -> float | None: ...
-    @property
-    def share(self) -> float | None: ...
-
-
-class AddingLike(ErrorsLike, Protocol):
-    """A model on the way and the effect that it adds."""
-
-    @property
-    def added(self) -> SharedLike | None: ...
-
-
-class StaircaseLike(Protocol):
-    """A diagnosis or a results document."""
-
-    @property
-    def steps(self) -> Sequence[AddingLike]: ...
-    @property
-    def findings(self) -> Sequence[SharedLike]: ...
-    @property
-    def torque_spread(self) -> Sequence[float]: ...
-
+from flexviz.wording.records import DiagnosisLike, NamedLike, StepLike
 
 FindingKey = tuple[str, float | None]
 
 
-def step_shares(steps: Sequence[ErrorsLike], spread: Sequence[float]) -> list[float]:
+def step_shares(steps: Sequence[StepLike], spread: Sequence[float]) -> list[float]:
     """Share of the first model's error that each later model removes; all together at most 1.
 
     With E_k the mean over the joints of (rms / torque spread)² of model k, on the held-out groups where all
@@ -81,7 +42,7 @@ def _mean_square(rms: Sequence[float], spread: Sequence[float]) -> float:
     return sum(v**2 for v in values) / len(values) if values else 0.0
 
 
-def found_shares(result: StaircaseLike) -> dict[FindingKey, float]:
+def found_shares(result: DiagnosisLike) -> dict[FindingKey, float]:
     """The known shares of the error that the findings of a diagnosis remove, by `finding_key`.
 
     The steps tell them; without steps those are known that the findings carry.
@@ -94,6 +55,6 @@ def found_shares(result: StaircaseLike) -> dict[FindingKey, float]:
     return known
 
 
-def finding_key(finding: SharedLike) -> FindingKey:
+def finding_key(finding: NamedLike) -> FindingKey:
     """What tells a finding from one of the same effect that was only tried."""
     return finding.text, finding.confidence

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
 
 from flexviz.effects import free_curve
-from flexviz.wording.effect_families import UNTOLD
-from flexviz.wording.findings import ALONG, FindingLike, NamedLike, share_text
+from flexviz.wording.errors import by_share, left_text
+from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
-from flexviz.wording.shares import ErrorsLike, found_shares
+from flexviz.wording.records import DiagnosisLike, LocationLike, NamedLike, StepLike
+from flexviz.wording.shares import found_shares
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 WITH_ADDED = {
@@ -22,62 +22,8 @@ MOST_NAMED = 4  # added effects in a verdict, those of one kind together
 MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
 
 
-class LocationLike(Protocol):
-    """A joint and variable with a structured residual."""
-
-    @property
-    def joint(self) -> str: ...
-    @property
-    def variable(self) -> str: ...
-    @property
-    def explained(self) -> float | None: ...
-
-
-class SpanLike(LocationLike, Protocol):
-    """A location with the range of the variable where the residual is largest."""
-
-    @property
-    def range(self) -> Sequence[float | None]: ...
-
-
-L = TypeVar("L", bound=LocationLike)
-
-
-class NoteLike(Protocol):
-    """A remark on a diagnosis."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def text(self) -> str: ...
-
-
-class StepLike(ErrorsLike, Protocol):
-    """A model on the way and the effect that it adds."""
-
-    @property
-    def added(self) -> NamedLike | None: ...
-
-
-class VerdictLike(Protocol):
-    """A diagnosis or a results document."""
-
-    @property
-    def verdict(self) -> str | None: ...
-    @property
-    def findings(self) -> Sequence[FindingLike]: ...
-    @property
-    def steps(self) -> Sequence[StepLike]: ...
-    @property
-    def torque_spread(self) -> Sequence[float]: ...
-    @property
-    def where(self) -> Sequence[LocationLike]: ...
-    @property
-    def typed_notes(self) -> Sequence[NoteLike]: ...
-
-
 def verdict_text(
-    diagnosis: VerdictLike, added: Sequence[str] = (), *, joints: Sequence[str] = (), worst: str = ""
+    diagnosis: DiagnosisLike, added: Sequence[str] = (), *, joints: Sequence[str] = (), worst: str = ""
 ) -> str:
     """The verdict, beginning with "Nothing is missing:", "Missing:" or "Unknown:".
 
@@ -117,7 +63,7 @@ def verdict_text(
     return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}{acting}."
 
 
-def _largest(diagnosis: VerdictLike, joints: Sequence[str]) -> str:
+def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:
     """What removes most of the error, on all its joints, with share and confidence."""
     shares, findings = found_shares(diagnosis), diagnosis.findings
     later = [step.added for step in diagnosis.steps[1:] if step.added is not None]
@@ -135,13 +81,21 @@ def _largest(diagnosis: VerdictLike, joints: Sequence[str]) -> str:
     return f"{scored.name(joints)}. {explain} {above} of the error above the noise; {sure}"
 
 
-def location(where: Sequence[L], worst: str = "") -> L | None:
+def what_stays(joints: Sequence[str], step: StepLike | None, spread: Sequence[float]) -> tuple[str, str]:
+    """The joint of whose torque a model explains least, and what it leaves of all; empty without a spread."""
+    if step is None or not spread:
+        return "", ""
+    rms = step.rms_validation or step.rms
+    return joints[by_share(rms, spread)[0]], f"what stays: {left_text(joints, rms, spread, step.noise_floor)}"
+
+
+def location(where: Sequence[LocationLike], worst: str = "") -> LocationLike | None:
     """The first location that explains something, on the joint `worst` if there is one."""
     found = [place for place in where if (place.explained or 0.0) > MIN_NAMED_SHARE]
     return next((place for place in found if place.joint == worst), found[0] if found else None)
 
 
-def span_text(place: SpanLike, unit: str, groups: Sequence[str]) -> str:
+def span_text(place: LocationLike, unit: str, groups: Sequence[str]) -> str:
     """Where along its variable the residual is largest, "-0.2 … 0.7 rad"; of `groups` the name."""
     low, high = place.range
     if place.variable == "group" and low is not None and 0 <= round(low) < len(groups):

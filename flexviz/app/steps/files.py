@@ -74,8 +74,6 @@ class Files:
         if size := self.recordings.size():
             self._say("file", f"Recording: {size / 1e6:.1f} MB so far.")
 
-    # -- save, download, report ----------------------------------------------------------------------
-
     def _start(self, doing: str, done: Any, make: Callable[..., Any], *more: Any) -> None:
         """Call `make` with the session, its set and `more`, and `done` with the result."""
         store = self._store
@@ -109,8 +107,6 @@ class Files:
     def _send(self, client: int, file: FileContent) -> None:
         self._page.send_file(client, file.name, file.content)
         self._store.say(f"{file.name}: {len(file.content) / 1e6:.1f} MB sent")
-
-    # -- recordings ----------------------------------------------------------------------------------
 
     def _toggle(self) -> None:
         self._record.value = not self._record.value

@@ -46,7 +46,9 @@ class IdentifyStep(WorkflowStep):
         store, page, gui = self.store, self.page, self.page.gui
         self.effects = EffectList(store, page)
         hint = "a second stage that removes the observer's bias; takes longer"
-        self._refine = page.checkbox("Refine", False, self._set_refine, hint=hint)
+        self._refine = page.checkbox(
+            "Refine", False, lambda on: store.change("refine", replace(store.analysis, refine=on)), hint=hint
+        )
         self.check = ParameterCheck(store, page)
         self._run = page.button("Run", self._start, color="blue")
         page.row((self.check.button, self._run))
@@ -65,9 +67,6 @@ class IdentifyStep(WorkflowStep):
     def _opened(self) -> None:
         self._truth.visible = self.store.opened.truth is not None
         self._truth.value = False
-
-    def _set_refine(self, on: bool) -> None:
-        self.store.change("refine", replace(self.store.analysis, refine=on))
 
     def _show_check(self) -> None:
         self._check.content = self.store.check
@@ -174,11 +173,13 @@ class EffectList:
         self._note.visible = bool(text)
 
     def _set(self, name: str, on: bool) -> None:
-        analysis = self._store.analysis.with_effect(name, on)
+        analysis = self._store.analysis
         if name in JOINT_EFFECTS:  # on all joints or on none, wherever it was before
             joints = self._store.measurements.joints
             effects = with_joints(name, joints if on else (), analysis.effects, joints)
             analysis = replace(analysis, effects=effects)
+        else:
+            analysis = analysis.with_effects([name]) if on else analysis.without_effects([name])
         self._store.change(f"{'with' if on else 'without'} {effect_title(name)}", analysis)
 
 

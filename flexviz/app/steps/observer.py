@@ -24,7 +24,6 @@ from flexviz.session import Analysis
 from flexviz.view import (
     numbers_html,
     observer_for,
-    observer_numbers,
     sweep_bandwidths,
     sweep_charts,
     sweep_html,
@@ -88,7 +87,7 @@ class ObserverStep(WorkflowStep):
             f'<div class="fv"><b>{OBSERVERS[analysis.observer].title}</b>, '
             f"bandwidth {number(width, 4)} rad/s{where}{by_hand}</div>"
             + listed
-            + numbers_html(observer_numbers(observer, store.group.segments[0].step))
+            + numbers_html(observer, store.group.segments[0].step)
         )
 
     def _present(self) -> Observer:

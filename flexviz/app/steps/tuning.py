@@ -125,8 +125,6 @@ class LiveResidual:
             self._of = self._now()
         return self._preview
 
-    # -- the trade -----------------------------------------------------------------------------------
-
     def _keep(self, bandwidth: float, cost: Cost) -> None:
         analysis = self._store.analysis
         now = (*self._now(), analysis.observer, analysis.gains)

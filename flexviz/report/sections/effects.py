@@ -1,11 +1,11 @@
-"""Effects added and proposed, those that the data cannot distinguish, and experiments that would."""
+"""Effects added and proposed, why, those that the data cannot distinguish, and experiments that would."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from flexviz.diagnosis import Finding, ResidualLocation
-from flexviz.effects import EFFECTS, Effect, free_curve
+from flexviz.effects import EFFECTS, free_curve
 from flexviz.report.blocks import (
     FIGURE_HEIGHT,
     Block,
@@ -23,11 +23,14 @@ from flexviz.view import evidence_chart, parameter_names
 from flexviz.wording import (
     ALONG,
     INERTIAL,
+    TRACE_TITLE,
     MergedFinding,
     absorbed_list,
+    added_families,
     capitalised,
     confidence_of,
     confidence_range,
+    decoys_text,
     effect_text_name,
     effect_title,
     finding_name,
@@ -40,6 +43,7 @@ from flexviz.wording import (
     removes_text,
     share_text,
     text_names,
+    told_moves,
     values_text,
     where_text,
 )
@@ -49,6 +53,8 @@ MAX_ABSORBED = 4  # parameters named
 MAX_CANDIDATES = 6  # listed per model, effects of one kind together
 MAX_LOCATIONS = 4  # of unexplained residual
 MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
+REFUSED = 10  # refused moves in the table
+DECOYS = "candidates that cannot be right and compete in the same search, to estimate its false rate"
 FOLLOW = {
     "position": "slow motion of {joint} over its whole range, in both directions",
     "position × direction": "slow motion of {joint} over its whole range, in both directions",
@@ -118,7 +124,9 @@ def _part(
         Paragraph(f"{values}{capitalised(removes_text(merged))}; {sure}."),
         Paragraph(kinds_text(first)) if merged.tied else None,
         _members(merged, joints) if many else None,
-        None if effect is None else explanation(_law(effect)),
+        None
+        if effect is None
+        else explanation(f"{effect.explanation} Law: {effect.equation}. {effect.signature}"),
         Paragraph(f"Other parameters have absorbed it: {absorbed_list(moves)}.") if moves else None,
         *(chart for chart in charts if chart.series),
     )
@@ -129,10 +137,6 @@ def _members(merged: MergedFinding[Finding], joints: Sequence[str]) -> ReportTab
         [str(one.joint), values_text(one), share_text(confidence_of(one))] for one in merged.by_joint(joints)
     ]
     return table(("joint", "value ± 95 %", "confidence"), rows, (2,))
-
-
-def _law(effect: Effect) -> str:
-    return f"{effect.explanation} Law: {effect.equation}. {effect.signature}"
 
 
 def _ranking(content: ReportContent) -> ReportTable | None:
@@ -156,6 +160,38 @@ def _ranking(content: ReportContent) -> ReportTable | None:
             )
     head = ("tried on", "rank", "effect", "value ± 95 %", "explains", "confidence", "")
     return table(head, rows, (1, 4, 5), "Candidates") if rows else None
+
+
+def why(content: ReportContent) -> Section | None:
+    """Accepted moves and the best refused ones; None where the diagnosis keeps none."""
+    diagnosis = content.diagnosis
+    if diagnosis is None or not (diagnosis.trace or diagnosis.decoys):
+        return None
+    families = added_families(diagnosis) | content.families
+    moves = told_moves(diagnosis.trace, content.joints, families, refused=REFUSED)
+    rows = [
+        [
+            Cell(move.text, strong=move.accepted),
+            move.delta,
+            move.resolution,
+            "accepted" if move.accepted else move.why or "refused",
+        ]
+        for move in moves
+    ]
+    head = ("move", "decrease [nats]", "resolution", "")
+    about = (
+        "The search adds, drops and swaps effects. It accepts a move that lowers its objective, which is "
+        "measured in nats, by clearly more than the standard error of the decrease. Accepted moves come "
+        "first, those of one kind together, then the best of the refused ones."
+    )
+    caption = "Moves of the search: decrease of the objective ± its standard error"
+    decoys = diagnosis.decoys
+    return section(
+        TRACE_TITLE,
+        explanation(about) if rows else None,
+        table(head, rows, (1,), caption) if rows else None,
+        None if decoys is None else Paragraph(f"{capitalised(decoys_text(*decoys))}: {DECOYS}."),
+    )
 
 
 def telling_apart(content: ReportContent) -> Section | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -63,10 +63,9 @@ def _share(values: Sequence[float], spread: Sequence[float]) -> str:
 def _groups(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
     shown, spread = columns(len(steps)), content.spread
     rows = []
-    for name, _, held_out in steps[-1].groups:
-        found = [next((rms for other, rms, _ in step.groups if other == name), None) for step in steps]
+    for name, used, found in _of_groups(steps):
         cells = ("–" if (row := found[k]) is None else _share(row, spread) for k in shown)
-        rows.append([name, "validate" if held_out else "fit", *cells])
+        rows.append([name, used, *cells])
     rows = rows or [["all", "fit", *(_share(steps[k].rms, spread) for k in shown)]]
     if all(step.noise_floor for step in steps):
         rows.append(["noise floor", "", *(_share(steps[k].noise_floor, spread) for k in shown)])
@@ -77,12 +76,18 @@ def _groups(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
 
 def group_rows(steps: Sequence[Step]) -> list[tuple[str, str, list[float]]]:
     """(group, "fit" or "validate", error at each step [Nm]); NaN for steps without the group."""
-    out = []
+    out = [
+        (name, used, [float("nan") if rms is None else total_rms(rms) for rms in found])
+        for name, used, found in _of_groups(steps)
+    ]
+    return out or [("all", "fit", [total_rms(step.rms) for step in steps])]
+
+
+def _of_groups(steps: Sequence[Step]) -> Iterator[tuple[str, str, Sequence[Sequence[float] | None]]]:
+    """Each group of the last step, its use, and its errors at every step."""
     for name, _, held_out in steps[-1].groups:
         found = [next((rms for other, rms, _ in step.groups if other == name), None) for step in steps]
-        values = [float("nan") if rms is None else total_rms(rms) for rms in found]
-        out.append((name, "validate" if held_out else "fit", values))
-    return out or [("all", "fit", [total_rms(step.rms) for step in steps])]
+        yield name, "validate" if held_out else "fit", found
 
 
 def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:

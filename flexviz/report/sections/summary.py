@@ -13,8 +13,6 @@ from flexviz.wording import (
     INERTIAL,
     SAID_AS_SHARES,
     UNTOLD,
-    by_share,
-    left_text,
     listed,
     mean_nrms,
     merged_texts,
@@ -26,6 +24,7 @@ from flexviz.wording import (
     torque_error_text,
     total_rms,
     verdict_text,
+    what_stays,
 )
 
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
@@ -41,9 +40,7 @@ def summary(content: ReportContent) -> Section:
         told = (note for note in diagnosis.notes if note.kind not in SAID_AS_SHARES)
         notes = [note.text for note in told if note.text not in said]
     if diagnosis is not None and diagnosis.verdict == "unknown" and content.steps:
-        last = content.steps[-1]
-        left = left_text(content.joints, judged(last), content.spread, last.noise_floor)
-        notes.insert(0, f"what stays: {left}")
+        notes.insert(0, what_stays(content.joints, content.steps[-1], content.spread)[1])
     return section(
         "Summary",
         verdict,
@@ -57,9 +54,8 @@ def sentence(content: ReportContent) -> str:
     """The verdict, with the added effects and the fall of the error."""
     if content.diagnosis is None:
         return "Not diagnosed."
-    joints, worst = content.joints, ""
-    if content.steps:
-        worst = joints[by_share(judged(content.steps[-1]), content.spread)[0]]
+    joints, last = content.joints, content.steps[-1] if content.steps else None
+    worst, _ = what_stays(joints, last, content.spread)
     added = [name for name, _ in content.added]
     names = added_names(content)
     curved = list(dict.fromkeys(name.partition(":")[2] for name in added if free_curve(name) is not None))
