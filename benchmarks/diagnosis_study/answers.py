@@ -87,12 +87,15 @@ def read_answer(truth: Json, got: Json) -> Answer:
 
 def same(found: Json, true: Json) -> bool:
     """Whether it is the true effect in its place, or one of the same family that is reported as tied."""
+    ties = found.get("inseparable_from", [])
+    if any((tie["effect"], tie["joint"]) == (true["effect"], true["joint"]) for tie in ties):
+        found = found | {"joint": true["joint"]}
     jointless = true["effect"] in JOINTLESS or found["effect"] in JOINTLESS
     joint_right = jointless or found.get("joint") == true["joint"]
     if found["effect"] == true["effect"]:
         same_payload = found.get("payload") == true["payload"]
         return joint_right and (same_payload or EFFECTS[true["effect"]].scope != "payload")
-    tied = any(tie["effect"] == true["effect"] for tie in found.get("inseparable_from", []))
+    tied = any(tie["effect"] == true["effect"] for tie in ties)
     family = found.get("family")
     together = bool(family) and family["tied"] and true["effect"] in family["members"]
     twins = frozenset((found["effect"], true["effect"])) in TWINS

@@ -103,7 +103,9 @@ def likelihood(
     times = correlation_times(parts) if times is None else times
     samples = float(np.sum(count / times))
     error = 1 - (floor / sigma) ** 2
-    return Likelihood(np.concatenate(losses), np.array(held_out), times, sigma, error, other, freedom, samples)
+    return Likelihood(
+        np.concatenate(losses), np.array(held_out), times, sigma, error, other, freedom, samples
+    )
 
 
 def _deviation(parts: Sequence[Residuals], count: Array, outlier: float) -> Array:

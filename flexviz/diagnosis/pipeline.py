@@ -131,9 +131,7 @@ class _Description:
         end, last, final = self.end, self.verdict(), self.final()
         stairs = staircase(self.view, end.coarse, final, self.course.band)
         gains = self.fine.gains(end.fine) if self.at_noise else self.view.gains(end.coarse)
-        found = findings(
-            self.view, end.coarse, gains, stairs, self.course.band, self.rivals(), self.doubtful
-        )
+        found = findings(self.view, end.coarse, gains, stairs, self.course.band, self.rivals(), self.doubtful)
         if not self.curves:
             found = [one for one in found if not one.stopgap]
         taken = list(steps(stairs, found, last))

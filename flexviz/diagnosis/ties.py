@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +42,10 @@ def ties(view: Coarse, model: CoarseModel, effect: ChosenEffect, rivals: Sequenc
 
     mine = outside(flat[:, own.start])
     for name in names:
-        joints = [None] if EFFECTS[name].scope != "joint" else [effect.joint]
-        if joints == [None] and EFFECTS[name].scope == "joint":
-            joints = list(range(fit.layout.n))
-        for joint in joints if effect.joint is not None or joints != [None] else range(fit.layout.n):
+        joints: Iterable[int | None] = [effect.joint if EFFECTS[name].scope == "joint" else None]
+        if effect.joint is None or name == effect.effect:
+            joints = range(fit.layout.n)
+        for joint in joints:
             other = ChosenEffect(name, joint)
             if other in fit.layout.effects:
                 continue

@@ -24,6 +24,7 @@ class MotorCoupling(Effect):
     reference = "Murphy, Wen, Saridis: Simulation and analysis of flexibly jointed manipulators, CDC 1990"
     parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia", symbol="B_ij"),)
     linear = True
+    twins = ("motor_coupling",)  # on the neighbour with the opposite sign: they differ by an inertia of links
     fewest_joints = 2
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
