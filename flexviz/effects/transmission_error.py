@@ -26,5 +26,9 @@ class TransmissionError(Ripple):
         PHASE,
     )
 
+    @property
+    def absorbed_by_stiffness(self) -> bool:
+        return False  # it follows the position, not the torque
+
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (max(0.05 * scale.deflection, 3e-4), 7.0, 0.4)

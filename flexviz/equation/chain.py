@@ -34,20 +34,6 @@ class Chain:
             part._compliance = self._compliance[rows]
         return part
 
-    def deflection(self, lost: Array, j: int) -> Array:
-        """−∂r for q of joint j that moves by `lost`, shape (3, N): shape (N, n)."""
-        return (
-            self._dq[:, :, j] * lost[0][:, None]
-            + self._damping[:, :, j] * lost[1][:, None]
-            + self._mass[:, :, j] * lost[2][:, None]
-        )
-
-    def torque(self, u: Array, j: int) -> Array:
-        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
-        out = -self.deflection(self._compliance[..., j] * u, j)
-        out[:, j] -= u[0]
-        return out
-
     def of_pulses(self, time: Array, at: Array, j: int) -> tuple[Array, Array]:
         """Pulses of q of joint j whose products with the pose are formed before they are filtered.
 
@@ -97,26 +83,20 @@ class Chain:
 
     def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
         """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
-        out = np.zeros(self._mass.shape[:2])
-        for k, j in enumerate(joints):
-            if entry == "torque":
-                out += self.torque(u[:, :, k], j)
-            elif entry == "deflection":
-                out -= self.deflection(u[:, :, k], j)
-            else:
-                out[:, j] -= u[0, :, k]
-        return out
+        return self.columns(entry, joints, u[None])[..., 0]
 
-    def columns(self, entry: str, j: int, u: Array, bends: Array) -> Array:
-        """∂r for several u, shape (P, D, N), that enter at joint j: shape (N, n, P).
+    def columns(self, entry: str, joints: tuple[int, ...], u: Array, bends: Array | None = None) -> Array:
+        """∂r for several u, shape (P, D, N, m): shape (N, n, P).
 
-        `bends`: likewise, what bends the joint where u is a torque; u itself, or something later.
+        `bends`: likewise, what bends the joints where u is a torque; default: u itself.
         """
         out = np.zeros((*self._mass.shape[:2], len(u)))
-        if entry != "residual":
-            moved = self._compliance[..., j] * bends if entry == "torque" else u
-            for d, factor in enumerate((self._dq, self._damping, self._mass)):
-                out -= factor[:, :, j, None] * moved[:, d].T[:, None]
-        if entry != "deflection":
-            out[:, j] -= u[:, 0].T
+        bends = u if bends is None else bends
+        for k, j in enumerate(joints):
+            if entry in ("torque", "deflection"):
+                moved = self._compliance[..., j] * bends[..., k] if entry == "torque" else u[..., k]
+                for d, factor in enumerate((self._dq, self._damping, self._mass)):
+                    out -= factor[:, :, j, None] * moved[:, d].T[:, None]
+            if entry != "deflection":
+                out[:, j] -= u[:, 0, :, k].T
         return out

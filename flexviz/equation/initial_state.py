@@ -66,12 +66,11 @@ def initial_states(
             unknown = law.unknown(motion, values)
             filtered = context.filtered_block(index, unknown, effect.joint, law.depth)[..., None]
             part = chain.rows(signals.blocks[index].rows)
-            for one, size in zip(filtered, np.abs(unknown).max(axis=1), strict=True):
-                column = part.column(law.entry, (effect.joint,), one)
-                found.setdefault(index, []).append(column.ravel() / max(size, 1e-12))
+            columns = part.columns(law.entry, (effect.joint,), filtered).reshape(-1, len(unknown))
+            found.setdefault(index, []).append(columns / np.maximum(np.abs(unknown).max(axis=1), 1e-12))
     out = []
     for index, parts in found.items():
-        c = np.stack(parts, axis=1)
+        c = np.concatenate(parts, axis=1)
         solve = np.linalg.inv(c.T @ c + RIDGE**2 * np.eye(c.shape[1])) @ c.T
         out.append(InitialStates(signals.blocks[index].rows, c, solve))
     return out

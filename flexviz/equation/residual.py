@@ -274,13 +274,12 @@ class OperatingPoint:
         """∂r/∂x (N, n, P), but for the inertial parameters, before initial states are removed."""
         lay, theta = self.layout, self.signals.theta
         for j in range(lay.n):
-            jacobian[:, :, lay.compliance.start + j] = chain.deflection(s[:, :, j], j)
-            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(theta[2:, :, j], j)
-            jacobian[:, :, lay.motor_viscous.start + j] = chain.torque(theta[1:4, :, j], j)
+            jacobian[:, :, lay.compliance.start + j] = -chain.column("deflection", (j,), s[:, :, [j]])
+            jacobian[:, :, lay.motor_inertia.start + j] = chain.column("torque", (j,), theta[2:, :, [j]])
+            jacobian[:, :, lay.motor_viscous.start + j] = chain.column("torque", (j,), theta[1:4, :, [j]])
             jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
         for where, term in terms:
-            for p, column in enumerate(range(where.start, where.stop)):
-                jacobian[:, :, column] = chain.column(term.entry, term.joints, term.slopes[p])
+            jacobian[:, :, where] = chain.columns(term.entry, term.joints, term.slopes)
         for effect, (_, term) in zip(lay.effects, terms, strict=True):
             if EFFECTS[effect.effect].relative:
                 (j,) = term.joints
@@ -305,14 +304,10 @@ class OperatingPoint:
                     slopes = term.slopes[..., term.joints.index(j)]
                     moves += [(at.start + p, slope) for p, slope in enumerate(slopes)]
             for column, fall in moves:  # s falls by this
-                product = np.stack(
-                    (
-                        gain[0] * fall[0],
-                        gain[1] * fall[0] + gain[0] * fall[1],
-                        gain[2] * fall[0] + 2 * gain[1] * fall[1] + gain[0] * fall[2],
-                    )
-                )
-                jacobian[:, :, column] += chain.torque(-product, j)
+                first = gain[1] * fall[0] + gain[0] * fall[1]
+                second = gain[2] * fall[0] + 2 * gain[1] * fall[1] + gain[0] * fall[2]
+                product = np.stack((gain[0] * fall[0], first, second))[..., None]
+                jacobian[:, :, column] -= chain.column("torque", (j,), product)
 
     def _gravity(self, x: Array) -> Array | None:
         """Acceleration of gravity (3,) at x; None: that of the model."""

@@ -185,7 +185,7 @@ def _of_stretch(
             moved = u if torque else None
             columns = part_of(seen).pulses(moved, bends, joint, time[seen], times[chosen])
         else:
-            columns = part_of(seen).columns(law.entry, joint, u, bends)
+            columns = part_of(seen).columns(law.entry, (joint,), u[..., None], bends[..., None])
         return PulseGroup(seen.start, columns)
 
     begun = unknown.begun
@@ -201,8 +201,8 @@ def _of_stretch(
         groups = [group(inside, chosen) for chosen in _together(times, first, last)]
         lasting = [s[:, inside] for s in begun if np.abs(s[:, rows]).max() >= FADED * np.abs(s).max()]
         if lasting:
-            state = np.array(lasting)
-            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, state, state)))
+            state = np.array(lasting)[..., None]
+            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, (joint,), state)))
         if groups:
             yield Pulses(index, rows, tuple(groups))
 
