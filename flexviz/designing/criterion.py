@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import Projection, sandwich
-
-Array = NDArray[np.float64]
 
 DEFAULT_PARAMETERS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 SMALLEST_SCALE = 0.05  # of the largest value with the same name: a parameter near zero has no relative error

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, build_signals, layout_of
 from flexviz.errors import InputError
@@ -24,8 +24,6 @@ from flexviz.estimation import noise_density, noise_paths, start_values
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.observers import FlatZeroPhase
-
-Array = NDArray[np.float64]
 
 BAND = 6.0  # [Hz] of the Jacobian, as in `--refine`
 SAMPLE_STEP = 1 / (3.6 * BAND)  # [s]

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.designing.settings import DesignSettings, Limits
 from flexviz.designing.subject import Planned
 from flexviz.measurements import Group
 from flexviz.robot import Robot
 from flexviz.simulation import Fourier
-
-Array = NDArray[np.float64]
 
 SAMPLES = 400  # instants at which a reference is compared with the joint limits
 LEAST_SHARE = 0.2  # of the largest amplitude within the joint limits

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from flexviz.arrays import Array
 from flexviz.designing.criterion import BestSeparation, Criterion, least_errors
 from flexviz.designing.information import Columns
 from flexviz.designing.motion import MotionSpace, Reached, shrunk
@@ -22,8 +22,6 @@ from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.simulation import Plan
-
-Array = NDArray[np.float64]
 
 STEP = 0.02  # [s] of predicted motions in the search
 STEP_WITH_EFFECTS = 0.004  # … where effects need the reversals of the velocity

@@ -10,16 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
+from flexviz.arrays import Array
 from flexviz.designing.criterion import Criterion
 from flexviz.designing.motion import MotionSpace, shrunk
 from flexviz.designing.subject import Planned, Subject
 from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet
 
-Array = NDArray[np.float64]
 Gram = Callable[[MeasurementSet, list[Group]], Array]
 
 POPULATION = 24

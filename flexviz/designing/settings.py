@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from flexviz import toml
+from flexviz.arrays import Array
 from flexviz.errors import InputError, choose_from
 from flexviz.robot import Robot
 from flexviz.schemas import Number, Positive, StrictTable, Text, input_error, validate
 
-Array = NDArray[np.float64]
 PerJoint = Annotated[list[Positive], Field(min_length=1)]
 
 FORMAT = 1

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import Cancelled, InputError
 from flexviz.identification import identify
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
@@ -17,8 +17,6 @@ from flexviz.noise import segments_noise
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import PDController, Plan, Reference, follow, inject, make_plan, plan_from_set
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,16 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.designing.run import Design
 from flexviz.designing.subject import Planned
 from flexviz.designing.summary import summary_lines
 from flexviz.files import as_json, named_errors, whole_folder
 from flexviz.measurements import check_free
 from flexviz.simulation import Fourier
-
-Array = NDArray[np.float64]
 
 CSV_STEP = 0.001  # [s]
 TRAJECTORY_STEP = 0.02  # [s] between the points that a trajectory controller interpolates

@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexviz.arrays import Array
+
 Where = Literal["motor", "link", "joint", "sensing", "load"]
 Entry = Literal["torque", "deflection", "residual", "gravity"]
 Scope = Literal["joint", "set", "payload", "episode"]

@@ -5,11 +5,9 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation.link import LinkTerms
-
-Array = NDArray[np.float64]
 
 
 class Chain:

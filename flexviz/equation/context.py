@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import JointMotion
 from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fine_signals, fine_stride
 from flexviz.equation.layout import Layout
@@ -17,8 +18,6 @@ from flexviz.equation.motions import WideMotions
 from flexviz.equation.signals import Signals
 from flexviz.observers import ButterworthZeroPhase, largest_divisor
 from flexviz.recent import Recent
-
-Array = NDArray[np.float64]
 
 KEPT_COLUMNS = 100  # joints whose columns that depend on no parameters are kept
 KEPT_BYTES = 1e8  # of long records fewer

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
 from flexviz.equation.layout import Layout
-
-Array = NDArray[np.float64]
 
 
 def time_constants(layout: Layout, x: Array) -> Array:

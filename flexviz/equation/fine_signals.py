@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation.signals import Block, Signals, fine_samples
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase, largest_divisor
 from flexviz.recent import Recent
-
-Array = NDArray[np.float64]
 
 # band of the velocity that determines the sign of friction: a compromise between sharp reversals and noise
 SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms

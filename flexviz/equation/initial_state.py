@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
 from flexviz.equation.signals import Signals
-
-Array = NDArray[np.float64]
 
 RIDGE = 0.01  # relative to the largest value of a column
 

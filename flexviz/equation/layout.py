@@ -10,13 +10,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
 from flexviz.measurements import MeasurementSet
 from flexviz.model import EffectValue, FlexibleModel
-
-Array = NDArray[np.float64]
 
 INERTIAL_NAMES = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²")

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
+from flexviz.arrays import Array
 from flexviz.robot import Robot
-
-Array = NDArray[np.float64]
 
 SIDE_BY_SIDE = 24  # joints of all copies: with more, the zeros between the copies take longer than calls
 

@@ -11,8 +11,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.fine_signals import FineSignals
 from flexviz.equation.layout import Layout
@@ -20,7 +20,6 @@ from flexviz.equation.signals import Block, Signals
 from flexviz.interpolation import CubicInterpolation
 from flexviz.observers import ButterworthZeroPhase
 
-Array = NDArray[np.float64]
 Level = tuple[Array, Array]  # transmission torque and its rate in one stretch, shape (N_fine,) each
 
 LEAST_VISCOUS_SHARE = 0.2  # minimum share of a joint's viscous friction on the motor side

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LoadedEffect, Terms
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
@@ -27,7 +27,6 @@ from flexviz.equation.signals import Signals
 from flexviz.errors import InputError
 from flexviz.robot import Robot
 
-Array = NDArray[np.float64]
 PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place in the vector
 
 MAX_STATE_ITERATIONS = 6  # fixed-point iterations: s depends on effects that depend on s

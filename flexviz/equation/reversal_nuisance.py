@@ -19,13 +19,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.chain import Chain
 from flexviz.equation.elasticity import local_compliance, time_constants
 from flexviz.equation.link import LinkTerms
 from flexviz.equation.residual import OperatingPoint
-
-Array = NDArray[np.float64]
 
 PULSE_SPACING = 0.01  # [s]
 # per interval: friction changes slowly in a long rest, but where a motor creeps around zero velocity, and on

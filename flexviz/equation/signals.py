@@ -6,13 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import Observer
-
-Array = NDArray[np.float64]
 
 MIN_SAMPLES = 10  # of a segment without its transients
 FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated

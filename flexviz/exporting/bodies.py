@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
+from flexviz.arrays import Array
 from flexviz.estimation import pseudo_inertia
 from flexviz.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,16 +12,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
+from flexviz.arrays import Array
 from flexviz.effects import SIGN_VELOCITY
 from flexviz.errors import InputError
 from flexviz.exporting.coverage import CODE, PerJoint, PerRow
 from flexviz.exporting.identified import IdentifiedRobot
 from flexviz.robot import Robot
 
-Array = NDArray[np.float64]
 INDICES = ("joint", "other")  # columns of rows that hold joint indices
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz import __version__
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
-Array = NDArray[np.float64]
 VERDICTS = {
     "missing": "an effect is missing from this model",
     "nothing-missing": "nothing is missing from this model",

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.exporting.coverage import (
     CODE,
@@ -23,7 +23,6 @@ from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import GRAVITY, PayloadBody, Robot
 from flexviz.simulation import check_effect, neighbour
 
-Array = NDArray[np.float64]
 Row = tuple[float, ...]
 
 

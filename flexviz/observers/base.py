@@ -8,11 +8,10 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.measurements import Segment
 from flexviz.observers.gains import EsoGains
-
-Array = NDArray[np.float64]
 
 THETA_DERIVATIVES = 5  # θ … θ⁗
 TAU_DERIVATIVES = 3  # τ, τ̇, τ̈

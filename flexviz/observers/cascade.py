@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import sp
+from flexviz.arrays import Array
 
 ORDER = 6
-
-Array = NDArray[np.float64]
 
 
 def cascade(y: Array, step: float, bandwidth: float, stride: int = 1) -> Array:

@@ -12,14 +12,12 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.measurements import Segment
 from flexviz.observers.base import Observer, ObserverStates, shifted
 from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
 from flexviz.observers.gains import EsoGains, StateFilter
-
-Array = NDArray[np.float64]
 
 # an error in the initial state fades as (wt)⁵e^(−wt)/5!, and the k-th derivative starts with w^k of it
 SETTLED = 25.0
