@@ -14,10 +14,9 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
 from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue, FlexibleModel
+from flexviz.model import INERTIAL_UNITS, EffectValue, FlexibleModel
 
-INERTIAL_NAMES = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
-INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²")
+INERTIAL_NAMES = tuple(INERTIAL_UNITS)
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ class Layout:
     def names(self) -> list[tuple[str, str | None, str]]:
         """(name, joint, unit) of every entry, as in the JSON contract; c is listed as the stiffness."""
         rows: list[tuple[str, str | None, str]] = [
-            (INERTIAL_NAMES[k], j, INERTIAL_UNITS[k]) for j in self.joints for k in range(10)
+            (name, j, unit) for j in self.joints for name, unit in INERTIAL_UNITS.items()
         ]
         rows += [("stiffness", j, "Nm/rad") for j in self.joints]
         rows += [("motor_inertia", j, "kg m²") for j in self.joints]

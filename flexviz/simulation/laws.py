@@ -105,19 +105,18 @@ def coupled_friction(coulomb: float, viscous: float) -> CoupledLaw:
 
 
 @dataclass(frozen=True)
-class Dahl:
-    """Presliding hysteresis: friction σz with ż = θ̇ − |θ̇| z σ/f_c; z [rad] is a state of the simulation."""
+class Dahl(ExtraLaw):
+    """Presliding hysteresis: friction σz with ż = θ̇ − |θ̇| z σ/f_c, z in rad."""
 
     presliding_stiffness: float  # σ [Nm/rad]
     coulomb: float  # f_c [Nm]
+    states = 1
 
-    def torque(self, z: float) -> float:
-        """σ z [Nm]"""
-        return self.presliding_stiffness * z
-
-    def rate(self, z: float, velocity: float) -> float:
-        """ż [rad/s]"""
-        return velocity - abs(velocity) * z * self.presliding_stiffness / self.coulomb
+    def pull(self, at: JointState) -> Pull:
+        """σ z on the motor [Nm], and ż [rad/s]."""
+        z, velocity = at.z[0], at.theta_velocity
+        rate = velocity - abs(velocity) * z * self.presliding_stiffness / self.coulomb
+        return Pull(motor=self.presliding_stiffness * z, rates=(rate,))
 
 
 @dataclass(frozen=True)

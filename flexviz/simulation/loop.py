@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from flexviz.errors import Cancelled, ConvergenceError
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.simulation import rates
 from flexviz.simulation.building import TorquePath
 from flexviz.simulation.control import TorqueFilter
@@ -47,8 +47,8 @@ class Loop:
         x: Array,
         before: Array,
         cycles: int | None = None,
-        progress: ProgressCallback | None = None,
-        should_stop: StopCallback | None = None,
+        progress: ProgressCallback = ignore,
+        should_stop: StopCallback = never,
     ) -> tuple[Array, Array]:
         """States (cycles, 4n + …) at the start of every cycle, and the torques (cycles, n) of the cycles.
 
@@ -86,14 +86,12 @@ class Loop:
                     advance(applied * gain, now + offset, length, count)
             if k % PROGRESS_CYCLES == 0:
                 _check(tau, now)
-                if should_stop is not None and should_stop():
+                if should_stop():
                     raise Cancelled("the simulation was stopped")
-                if progress is not None:
-                    progress(Progress("simulating", k / cycles))
+                progress(Progress("simulating", k / cycles))
         if not np.isfinite(states[-1]).all():
             raise ConvergenceError("the simulation diverged")
-        if progress is not None:
-            progress(Progress("simulating", 1.0))
+        progress(Progress("simulating", 1.0))
         return states, torques
 
     def _substeps(self, x: Array) -> int:

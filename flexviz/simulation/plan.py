@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexviz.model import FlexibleModel
-from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.control import PDController
 from flexviz.simulation.extra_laws import ExtraLaw
@@ -89,8 +89,8 @@ class Plan:
         group: PlannedGroup,
         *,
         seed: object = None,
-        progress: ProgressCallback | None = None,
-        should_stop: StopCallback | None = None,
+        progress: ProgressCallback = ignore,
+        should_stop: StopCallback = never,
     ) -> Run:
         """Simulate one group without sensor noise, unless it is fed back (then `seed` matters)."""
         sensors = self.sensors if self.sensors.feedback else Sensors(torque_filter=self.sensors.torque_filter)

@@ -1,7 +1,6 @@
 """The simulated flexible-joint robot: parameters, laws and joint torque.
 
-Arrays are in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z] with the states z of presliding and
-extra laws.
+Arrays are in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z] with the states z of extra laws.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ class Plant:
         motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
         motor_laws, link_laws: (joint index, law).
         coupled_laws: (joint index, other joint's index, law), zero at rest.
-        presliding: (joint index, Dahl).
         elastic: joint index -> law, for joints other than linear springs.
         contacts: (joint index, torque [Nm], start [s], end [s]).
         extra: (joint index, law): with own states, user-defined, or of no library.
@@ -44,7 +42,6 @@ class Plant:
     motor_laws: list[tuple[int, MotorLaw]] = field(default_factory=list)
     link_laws: list[tuple[int, LinkLaw]] = field(default_factory=list)
     coupled_laws: list[tuple[int, int, CoupledLaw]] = field(default_factory=list)
-    presliding: list[tuple[int, Dahl]] = field(default_factory=list)
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)
     extra: list[tuple[int, ExtraLaw]] = field(default_factory=list)
@@ -54,13 +51,18 @@ class Plant:
         """Number of joints."""
         return len(self.stiffness)
 
+    @property
+    def presliding(self) -> list[tuple[int, Dahl]]:
+        """Those of the extra laws that are Dahl's."""
+        return [(i, law) for i, law in self.extra if isinstance(law, Dahl)]
+
     def joint(self, i: int) -> ElasticJoint:
         """The elastic law of joint i."""
         return self.elastic.get(i) or ElasticJoint(float(self.stiffness[i]))
 
     def empty_state(self) -> Array:
-        """A state vector (4n + presliding and own states) of zeros."""
-        return np.zeros(4 * self.n + len(self.presliding) + sum(law.states for _, law in self.extra))
+        """A state vector (4n + own states) of zeros."""
+        return np.zeros(4 * self.n + sum(law.states for _, law in self.extra))
 
     def pulls(
         self, time: float, y: list[float], carried: Sequence[float] | Array
@@ -69,8 +71,7 @@ class Plant:
 
         `carried` (n,) is the joint torque by the library's laws [Nm].
         """
-        n, out = self.n, []
-        at = 4 * n + len(self.presliding)
+        n, at, out = self.n, 4 * self.n, []
         for i, law in self.extra:
             z = y[at : at + law.states]
             state = JointState(time, y[n + i], y[3 * n + i], y[i], y[2 * n + i], float(carried[i]), z)

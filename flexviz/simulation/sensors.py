@@ -49,14 +49,6 @@ class Sensors:
             rng.standard_normal((samples, n)) * np.asarray(self.torque_noise, dtype=float),
         )
 
-    def quantise(self, theta: Array) -> Array:
-        """θ (…, n) rounded to the encoder's steps."""
-        return _rounded(theta, self.resolution)
-
-    def quantise_torque(self, torque: Array) -> Array:
-        """τ (…, n) rounded to the torque's steps."""
-        return _rounded(torque, self.torque_resolution)
-
     def filtered(self, torque: Array, cycle: float) -> Array:
         """The torques (N, n) of all cycles, each held for `cycle` [s], as seen at the start of each cycle.
 
@@ -68,7 +60,7 @@ class Sensors:
         return lfilter([0.0, blend], [1.0, blend - 1.0], torque, axis=0, zi=torque[:1])[0]
 
 
-def _rounded(values: Array, resolution: ArrayLike) -> Array:
+def rounded(values: Array, resolution: ArrayLike) -> Array:
     """Values (…, n) rounded to steps of `resolution`, unless that is 0."""
     step = np.broadcast_to(np.asarray(resolution, dtype=float), values.shape[-1:])
     if not step.any():
@@ -91,13 +83,13 @@ class Feedback:
     ) -> None:
         self.sensors = sensors
         self.noise, self.torque_noise = sensors.noise(cycles, n, seed)
-        self._last = sensors.quantise(x[n : 2 * n] + self.noise[0])
+        self._last = rounded(x[n : 2 * n] + self.noise[0], sensors.resolution)
         self._speed = x[3 * n : 4 * n].copy()
         self._blend = -np.expm1(-sensors.velocity_filter * cycle)
         self._cycle = cycle
 
     def __call__(self, k: int, theta: Array) -> tuple[Array, Array]:
-        seen = self.sensors.quantise(theta + self.noise[k])
+        seen = rounded(theta + self.noise[k], self.sensors.resolution)
         if k:
             self._speed = self._speed + self._blend * ((seen - self._last) / self._cycle - self._speed)
         self._last = seen

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
-from flexviz.progress import ProgressCallback, StopCallback, part
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never, part
 from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.inject import at_temperatures, inject
 from flexviz.simulation.plan import Plan
@@ -61,8 +61,8 @@ def simulate_preset(
     effects: Sequence[str] = (),
     seed: int = 0,
     start: str = "rest",
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
     *,
     temperatures: Sequence[float] = (),
     overwrite: bool = False,
@@ -87,8 +87,8 @@ def simulate_preset(
 def simulate_plan(
     plan: Plan,
     seed: int = 0,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> dict[str, Run]:
     """Group name -> its recording."""
     return record(plan, move(plan, seed, progress, should_stop), seed)
@@ -97,8 +97,8 @@ def simulate_plan(
 def move(
     plan: Plan,
     seed: int = 0,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> dict[str, Run]:
     """Group name -> its motion without measurement noise; `seed` is for noise that is fed back.
 
@@ -110,7 +110,7 @@ def move(
     for k, group in enumerate(plan.groups):
         rng = np.random.default_rng([seed, k])
         end = done + group.duration
-        told = progress and part(progress, done / total, end / total, f"simulating {group.name}")
+        told = part(progress, done / total, end / total, f"simulating {group.name}")
         runs[group.name] = plan.run(group, seed=rng, progress=told, should_stop=should_stop)
         done = end
     return runs

@@ -5,14 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from flexviz.effects import EFFECTS
-from flexviz.model import FlexibleModel
+from flexviz.model import INERTIAL_UNITS, FlexibleModel
 from flexviz.simulation.plan import Plan
 
 FILE_NAME = "truth.json"
-INERTIAL_UNITS = {
-    "mass": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m",
-    "ixx": "kg m²", "ixy": "kg m²", "iyy": "kg m²", "ixz": "kg m²", "iyz": "kg m²", "izz": "kg m²",
-}  # fmt: skip
 
 
 def truth(plan: Plan, seed: int) -> dict[str, Any]:
@@ -49,7 +45,6 @@ def parameters(model: FlexibleModel) -> list[dict[str, Any]]:
 
 def effects(model: FlexibleModel) -> list[dict[str, Any]]:
     """All effects with their parameters."""
-
     return [
         {
             "effect": effect.effect,
