@@ -49,11 +49,6 @@ def information(columns: Array, density: Array, step: float) -> Array:
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 
-def frequencies(count: int, step: float) -> Array:
-    """Frequencies of the transform of `count` samples, shape (count // 2 + 1,) [Hz]."""
-    return np.arange(count // 2 + 1) / (count * step)
-
-
 @dataclass(frozen=True)
 class Contender:
     """One of two effects to tell apart.
@@ -148,7 +143,7 @@ class Columns:
         total = np.zeros((self.size, self.size))
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step * block.stride
-            hertz = frequencies(rows.stop - rows.start, step)
+            hertz = np.asarray(np.fft.rfftfreq(rows.stop - rows.start, step), float)
             density = noise_density(
                 noise_paths(self.layout, self._vectors[0], link.rows(rows)),
                 self._noise,

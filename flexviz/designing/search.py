@@ -81,7 +81,7 @@ class GroupSearch:
         name = self.groups[k].planned.name
 
         def cost(u: Array) -> float:
-            trial = self.trial(u, name)
+            trial = self._evaluated(u, self.space.planned(u, name))
             if trial.excess > 0:
                 return FORBIDDEN + trial.excess
             value = self.criterion.value(others + trial.gram)
@@ -105,10 +105,6 @@ class GroupSearch:
             polish=False,
             rng=rng,
         )
-
-    def trial(self, u: Array, name: str) -> Trial:
-        """Evaluate a point."""
-        return self._evaluated(u, self.space.planned(u, name))
 
     def _evaluated(self, u: Array, planned: Planned) -> Trial:
         self.evaluations += 1

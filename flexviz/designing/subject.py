@@ -14,7 +14,7 @@ from flexviz.identification import identify
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
-from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import PDController, Plan, Reference, follow, inject, make_plan, plan_from_set
 
@@ -82,10 +82,6 @@ class Subject:
             segment = Segment(time, theta, tau, step)
             name, file = planned.name, Path(planned.name)
             made.append(Group(name, name, planned.payload, bodies, False, file, (segment,), time, q=run.q))
-        return self.measurement_set(made)
-
-    def measurement_set(self, groups: Sequence[Group]) -> MeasurementSet:
-        """A set in memory with these groups and this robot."""
         return MeasurementSet(
             path=Path(self.name),
             name=self.name,
@@ -98,7 +94,7 @@ class Subject:
             kd=None,
             effects=(),
             payloads=self.payloads,
-            groups=tuple(groups),
+            groups=tuple(made),
         )
 
 
@@ -107,8 +103,8 @@ def subject_of(
     effects: Iterable[str] = (),
     separate: Sequence[str] = (),
     *,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Subject:
     """The subject of a measurement set (identified first), a preset, a URDF, or a plan.
 
@@ -139,14 +135,14 @@ def subject_of(
 def _of_set(
     measurements: MeasurementSet,
     variants: Sequence[Sequence[str]],
-    progress: ProgressCallback | None,
-    should_stop: StopCallback | None,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> Subject:
     """The subject with the models identified from its set."""
     models = []
     for variant in variants:
         found = identify(measurements, effects=variant, progress=progress, should_stop=should_stop)
-        if should_stop is not None and should_stop():
+        if should_stop():
             raise Cancelled
         if not np.isfinite(found.covariance).all() or not all(np.isfinite(p.value) for p in found.parameters):
             raise InputError(
