@@ -283,9 +283,6 @@ FAMILIES: Mapping[str, FormFamily] = {
         lambda s, i: {"size": float(s[0]), "rate": float(i[0])},
     ),
     "sine": FormFamily(
-        lambda x, inner: np.stack((np.sin(inner[0] * x), np.cos(inner[0] * x))),
-        _orders,
-        _turning,
-        _wave,
+        lambda x, inner: np.stack((np.sin(inner[0] * x), np.cos(inner[0] * x))), _orders, _turning, _wave
     ),
 }

@@ -58,10 +58,7 @@ class ChosenEffect:
 
 
 def choose_effects(
-    wanted: Iterable[str],
-    joints: Sequence[str],
-    payloads: Sequence[str] = (),
-    groups: Sequence[str] = (),
+    wanted: Iterable[str], joints: Sequence[str], payloads: Sequence[str] = (), groups: Sequence[str] = ()
 ) -> tuple[ChosenEffect, ...]:
     """Resolve `name` (everywhere), `name:joint`, `name:payload` and `name:joint@group`.
 

@@ -20,11 +20,7 @@ class TransmissionError(Ripple):
     reference = (
         "Gandhi, Ghorbel: Closed-loop compensation of kinematic error in harmonic drives, T-CST 10(6), 2002"
     )
-    parameters = (
-        ParameterSpec("amplitude", "rad", explanation="largest error", symbol="a"),
-        ORDER,
-        PHASE,
-    )
+    parameters = (ParameterSpec("amplitude", "rad", explanation="largest error", symbol="a"), ORDER, PHASE)
 
     @property
     def absorbed_by_stiffness(self) -> bool:

@@ -42,10 +42,7 @@ class InitialStates:
 
 
 def initial_states(
-    context: EffectContext,
-    signals: Signals,
-    effects: Sequence[tuple[ChosenEffect, Array]],
-    chain: Chain,
+    context: EffectContext, signals: Signals, effects: Sequence[tuple[ChosenEffect, Array]], chain: Chain
 ) -> list[InitialStates]:
     """The columns of every stretch that has an unknown initial state.
 

@@ -57,12 +57,7 @@ class WideMotions:
     """
 
     def __init__(
-        self,
-        signals: Signals,
-        layout: Layout,
-        x: Array,
-        fine: list[FineSignals],
-        shared: dict[object, Any],
+        self, signals: Signals, layout: Layout, x: Array, fine: list[FineSignals], shared: dict[object, Any]
     ) -> None:
         self.fine = fine
         self._signals, self._layout, self._x, self._shared = signals, layout, x, shared

@@ -165,9 +165,7 @@ LAWS: dict[str, EffectLaw] = {
     "presliding_hysteresis": on_each("extra", laws.Dahl, ("presliding_stiffness", "coulomb")),
     "startup_friction": on_each("extra", laws.BreakAway, ("angle",)),
     "friction_drift": motor(
-        laws.friction_drift,
-        ("time_constant",),
-        viscous=lambda made, i: float(made.plant.motor_viscous[i]),
+        laws.friction_drift, ("time_constant",), viscous=lambda made, i: float(made.plant.motor_viscous[i])
     ),
     "temperature_friction": motor(
         laws.temperature_friction,

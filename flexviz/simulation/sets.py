@@ -85,20 +85,14 @@ def simulate_preset(
 
 
 def simulate_plan(
-    plan: Plan,
-    seed: int = 0,
-    progress: ProgressCallback = ignore,
-    should_stop: StopCallback = never,
+    plan: Plan, seed: int = 0, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> dict[str, Run]:
     """Group name -> its recording."""
     return record(plan, move(plan, seed, progress, should_stop), seed)
 
 
 def move(
-    plan: Plan,
-    seed: int = 0,
-    progress: ProgressCallback = ignore,
-    should_stop: StopCallback = never,
+    plan: Plan, seed: int = 0, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> dict[str, Run]:
     """Group name -> its motion without measurement noise; `seed` is for noise that is fed back.
 
