@@ -209,13 +209,11 @@ class Effect(ABC):
 
     def at_bound(self, values: Array) -> bool:
         """Whether a parameter ended at a bound: a gain of −80 % is a diverged search, not a finding."""
-        edges = [
-            (value, edge)
+        return any(
+            edge and np.isfinite(edge) and abs(value - edge) <= 1e-6 * abs(edge)
             for value, p in zip(values, self.parameters, strict=True)
             for edge in (0.0 if p.lower_occurs else p.lower, p.upper)
-            if edge
-        ]
-        return any(np.isfinite(edge) and abs(value - edge) <= 1e-6 * abs(edge) for value, edge in edges)
+        )
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         """Whether fitted parameters, shape (P,), could be real."""

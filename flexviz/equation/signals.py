@@ -69,9 +69,7 @@ class Signals:
         """The observer with that joint's bandwidth alone."""
         bandwidth = self.observer.bandwidth
         return (
-            self.observer
-            if isinstance(bandwidth, float)
-            else self.observer.for_bandwidth(float(np.atleast_1d(bandwidth)[joint]))
+            self.observer if isinstance(bandwidth, float) else self.observer.for_bandwidth(bandwidth[joint])
         )
 
     def kept(self, block: Block) -> slice:

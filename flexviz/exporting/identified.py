@@ -13,7 +13,7 @@ import numpy as np
 
 from flexviz import __version__
 from flexviz.arrays import Array
-from flexviz.effects import EFFECTS
+from flexviz.effects import named_effect
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
@@ -232,14 +232,7 @@ def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) 
 
 
 def _check_effect(value: EffectValue, file: str | Path) -> None:
-    known = EFFECTS.get(value.effect)
-    if known is None:
-        raise InputError(
-            f'effect "{value.effect}" does not exist; {choose_from(value.effect, EFFECTS, len(EFFECTS))}; '
-            "load a user-defined effect with --effects-from",
-            file=file,
-        )
-    names = [p.name for p in known.parameters]
+    names = [p.name for p in named_effect(value.effect, file).parameters]
     if set(value.parameters) != set(names):
         found = ", ".join(value.parameters) or "none"
         raise InputError(f"effect {value.text}: parameters {found}, expected {', '.join(names)}", file=file)

@@ -32,7 +32,7 @@ def check_gears(mapping: Mapping, model: TorqueModel) -> Issue | None:
     if np.min(shares) >= LIMITS.explained_well:
         return None
     gears = np.where(unused, [c.ratio for c in columns], 1.0)
-    behind = model.behind(gears)
+    behind = model.changed(lambda x: x / gears, lambda x: x * gears)
     tried = behind.shares(as_read, any_scale=False)
     gained = np.where(unused, tried - shares, 0.0)
     better = gained > LIMITS.same_share

@@ -12,6 +12,13 @@ from flexviz.importing.torque_model import Reading, TorqueModel, improvement
 from flexviz.measurements import Array
 
 
+def exchanged(model: TorqueModel, pair: tuple[int, int], theta_too: bool) -> TorqueModel:
+    """The model with the torques of two joints exchanged; `theta_too`: also their motions."""
+    order = np.arange(model.robot.n)
+    order[list(pair)] = pair[::-1]
+    return model.changed(lambda x: x[:, order] if theta_too else x, lambda x: x[:, order])
+
+
 def check_order(mapping: Mapping, model: TorqueModel, shares: Array) -> Issue | None:
     """Two joints whose columns are probably exchanged; None if there are no such ones.
 
@@ -26,7 +33,7 @@ def check_order(mapping: Mapping, model: TorqueModel, shares: Array) -> Issue | 
     best: tuple[float, Array, tuple[int, int], str] | None = None
     for pair in combinations(range(model.robot.n), 2):
         for signals, theta_too in (("theta and tau", True), ("tau", False)):
-            tried = model.exchanged(*pair, theta_too=theta_too).shares(as_read, any_scale=False)
+            tried = exchanged(model, pair, theta_too).shares(as_read, any_scale=False)
             gain = improvement(shares, tried)
             explained = np.min(tried[list(pair)]) >= LIMITS.explained_well
             if explained and gain >= LIMITS.clear and (best is None or gain > best[0]):

@@ -7,7 +7,7 @@ so, whatever the masses and the friction really are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -80,26 +80,14 @@ class TorqueModel:
         has_masses = bool(np.isfinite(rigid).all() and rigid.any())
         self.usable = seconds >= LIMITS.shortest_motion and has_masses
 
-    def exchanged(self, one: int, other: int, *, theta_too: bool) -> TorqueModel:
-        """The same with the torques of two joints exchanged; `theta_too`: also their motions."""
-        model, order = copy(self), np.arange(self.robot.n)
-        order[[one, other]] = order[[other, one]]
-        moving = order if theta_too else slice(None)
-        model.samples = [
-            (bodies, SampledMotion(m.q[:, moving], m.v[:, moving], m.a[:, moving], m.torque[:, order]))
-            for bodies, m in self.samples
-        ]
-        model.torque = self.torque[:, order]
-        return model
-
-    def behind(self, gears: Array) -> TorqueModel:
-        """The same with angles and torques from before these gears, shape (n,)."""
+    def changed(self, motion: Callable[[Array], Array], torque: Callable[[Array], Array]) -> TorqueModel:
+        """The same with other angles (and their derivatives) and torques, (M, n) each."""
         model = copy(self)
         model.samples = [
-            (bodies, SampledMotion(m.q / gears, m.v / gears, m.a / gears, m.torque * gears))
+            (bodies, SampledMotion(*map(motion, (m.q, m.v, m.a)), torque(m.torque)))
             for bodies, m in self.samples
         ]
-        model.torque = self.torque * gears
+        model.torque = torque(self.torque)
         return model
 
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
@@ -138,7 +126,7 @@ class TorqueModel:
             shares = np.array([fit.share for fit in fits])
             near = np.flatnonzero(shares >= np.max(shares) - 0.01)
             best = int(near[len(near) // 2])
-            friction = fit_joint(0.0 * rigid, v, a, torque, 0.0, (0.0, 0.0)).share
+            friction = friction_share(v, a, torque)
             slope = fits[best].slope * TORQUE_UNITS[best]
             result.append(TorqueFit(float(shares[best]), float(slope), float(shares[best]) - friction))
         return result
@@ -153,13 +141,9 @@ class TorqueModel:
 
     def by_masses(self, reading: Reading) -> Array:
         """(n,) the part of `shares` that friction and an offset alone do not explain."""
-        rigid, v, a = self.rigid(reading)
-        torque = self.torque * reading.sign
-        joints = zip(rigid.T, v.T, a.T, torque.T, strict=True)
-        friction = [
-            fit_joint(0.0 * r, speed, acc, tau, 0.0, (0.0, 0.0)).share for r, speed, acc, tau in joints
-        ]
-        return self.shares(reading, any_scale=False) - np.array(friction)
+        _, v, a = self.rigid(reading)
+        friction = map(friction_share, v.T, a.T, (self.torque * reading.sign).T)
+        return self.shares(reading, any_scale=False) - np.array(list(friction))
 
     def best_share(self) -> float:
         """How well the torques are explained with any scale and sign; the sum over the joints."""
@@ -210,6 +194,11 @@ def fit_joint(
     x = lower + bounded_minimum(r.T @ (r @ lower - projected), r.T @ r, lower, Bounds(lower, upper))[0]
     unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
     return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
+
+
+def friction_share(v: Array, a: Array, torque: Array) -> float:
+    """Share of a joint's torque that friction and an offset alone explain."""
+    return fit_joint(0.0 * v, v, a, torque, 0.0, (0.0, 0.0)).share
 
 
 def improvement(before: Array, after: Array) -> float:

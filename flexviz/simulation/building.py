@@ -69,6 +69,14 @@ def simulated_effects() -> tuple[str, ...]:
     return tuple(name for name in EFFECTS if is_simulated(name))
 
 
+def require_simulated(name: str, what: str = "simulated") -> None:
+    """InputError for an effect that does not exist, or that cannot be `what`."""
+    if not is_simulated(name):
+        if name in EFFECTS:
+            raise InputError(f'effect "{name}" cannot be {what}: its class has no simulation')
+        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
+
+
 def without_unsimulated(model: FlexibleModel) -> tuple[FlexibleModel, list[str]]:
     """The model without user-defined effects whose class has no simulation, and a note on each."""
     left = dict.fromkeys(
@@ -81,10 +89,7 @@ def without_unsimulated(model: FlexibleModel) -> tuple[FlexibleModel, list[str]]
 def check_effect(effect: EffectValue, joints: Sequence[str]) -> None:
     """InputError when the effect, its joint or one of its parameters does not exist."""
     name = effect.effect
-    if not is_simulated(name):
-        if name in EFFECTS:
-            raise InputError(f'effect "{name}" cannot be simulated: its class has no simulation')
-        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
+    require_simulated(name)
     if effect.joint is not None and effect.joint not in joints:
         valid = choose_from(effect.joint, joints)
         raise InputError(f'effect {name}: joint "{effect.joint}" does not exist; {valid}')

@@ -14,7 +14,7 @@ from flexviz.effects import EFFECTS, Effect, JointScale, is_user_defined
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import SetHeader
 from flexviz.model import EffectValue
-from flexviz.simulation.building import is_simulated, simulated_effects
+from flexviz.simulation.building import require_simulated
 from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.plan import Plan
 from flexviz.simulation.plant import Array
@@ -67,10 +67,7 @@ def at_temperatures(plan: Plan, degrees: Sequence[float]) -> Plan:
 def parse(text: str, plan: Plan) -> list[EffectValue]:
     """The effects of one option; one on every joint if it names none."""
     name, *rest = (part.strip() for part in text.split(":"))
-    if not is_simulated(name):
-        if name in EFFECTS:
-            raise InputError(f'effect "{name}" cannot be hidden: its class has no simulation')
-        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
+    require_simulated(name, "hidden")
     effect = EFFECTS[name]
     place: str | None = rest.pop(0) if rest and "=" not in rest[0] else None
     given = _values(text, rest)
