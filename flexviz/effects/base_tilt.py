@@ -26,8 +26,8 @@ class BaseTilt(Effect):
     )
     size_at = (0, 1)
     parameters = (
-        ParameterSpec("tilt_x", "rad", lower=-0.6, upper=0.6, explanation="about the base's x"),
-        ParameterSpec("tilt_y", "rad", lower=-0.6, upper=0.6, explanation="about the base's y"),
+        ParameterSpec("tilt_x", "rad", -0.6, 0.6, "about the base's x"),
+        ParameterSpec("tilt_y", "rad", -0.6, 0.6, "about the base's y"),
     )
     scope = "set"
     state = True

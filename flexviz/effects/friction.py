@@ -8,4 +8,4 @@ ARMSTRONG = (
     "Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods "
     "for the control of machines with friction, Automatica 30(7), 1994"
 )
-SLIDING = ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while moving", symbol="f_c")
+SLIDING = ParameterSpec("coulomb", "Nm", 0.0, explanation="friction torque while moving", symbol="f_c")

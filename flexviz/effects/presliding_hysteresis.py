@@ -36,10 +36,8 @@ class PreslidingHysteresis(LawEffect):
     simulated = "z is a state of the simulation, zero at the start of each run; σ z opposes the motor."
     reference = "Dahl: Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976"
     parameters = (
-        ParameterSpec(
-            "presliding_stiffness", "Nm/rad", lower=1e-3, explanation="before it slides", symbol="σ"
-        ),
-        ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while sliding", symbol="f_c"),
+        ParameterSpec("presliding_stiffness", "Nm/rad", 1e-3, explanation="before it slides", symbol="σ"),
+        ParameterSpec("coulomb", "Nm", 0.0, explanation="friction torque while sliding", symbol="f_c"),
     )
     replaces = "coulomb_friction"
     size_at = (1,)

@@ -23,7 +23,7 @@ class QuadraticFriction(LinearEffect):
     reference = ARMSTRONG
     usual = True
     parameters = (
-        ParameterSpec("quadratic", "Nm s²/rad²", lower=0.0, explanation="friction at 1 rad/s", symbol="f_q"),
+        ParameterSpec("quadratic", "Nm s²/rad²", 0.0, explanation="friction at 1 rad/s", symbol="f_q"),
     )
     smooth = True
 

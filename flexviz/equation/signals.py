@@ -67,10 +67,8 @@ class Signals:
 
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
-        bandwidth = self.observer.bandwidth
-        return (
-            self.observer if isinstance(bandwidth, float) else self.observer.for_bandwidth(bandwidth[joint])
-        )
+        all_joints, bandwidth = self.observer, self.observer.bandwidth
+        return all_joints if isinstance(bandwidth, float) else all_joints.for_bandwidth(bandwidth[joint])
 
     def kept(self, block: Block) -> slice:
         """Decimated samples of a stretch that are contained in the signals."""
