@@ -135,14 +135,9 @@ def _root(gram: Array) -> Array:
 def least_errors(
     labels: Sequence[str], x: Array, prior: Array, wanted: Sequence[str], geometric: bool
 ) -> LeastErrors:
-    """Criterion for parameters named `name` (everywhere) or `name:place`.
+    """Criterion for the `wanted` parameters, by `name` (everywhere) or `name:place`, or `DEFAULT_PARAMETERS`.
 
-    Args:
-        labels: of all parameters, "stiffness:joint1".
-        x: shape (P,), their values.
-        prior: shape (P, P).
-        wanted: names; none: stiffness, motor inertia and viscous friction.
-        geometric: log-det instead of trace.
+    `labels` and `x` (P,) are those of all parameters, `prior` is (P, P).
     """
     chosen: dict[int, None] = {}
     names = [label.partition(":")[0] for label in labels]

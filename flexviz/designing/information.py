@@ -31,12 +31,9 @@ EDGE = 0.4  # [s] dropped at both ends, as in `--refine`
 
 
 def information(columns: Array, density: Array, step: float) -> Array:
-    """Gram matrix (Q, Q) of columns (N, n, Q) sampled with `step` [s], for noise of `density`.
+    """Gram matrix (Q, Q) of columns (N, n, Q), contiguous in time, sampled with `step` [s].
 
-    Args:
-        columns: contiguous in time.
-        density: shape (N // 2 + 1, n), one-sided, of the residual at the frequencies of the transform.
-        step: [s].
+    `density`: (N // 2 + 1, n), one-sided, of the residual's noise at the frequencies of the transform.
     """
     count = len(columns)
     spectrum = np.fft.rfft(columns, axis=0)

@@ -112,8 +112,6 @@ def subject_of(
         source: the set (or its folder), the name of a preset, a `.urdf`, or a plan.
         effects: further effects of its model.
         separate: two effects to tell apart; each is fitted to the set, or has its typical size without one.
-        progress: called during the fits.
-        should_stop: asked during the fits.
     """
     wanted = tuple(effects)
     if isinstance(source, str | Path) and Path(source).exists() and Path(source).suffix != ".urdf":

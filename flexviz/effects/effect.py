@@ -238,9 +238,7 @@ class Effect(ABC):
     def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
         """Starts that undo the absorption of an underrated effect by the fitted compliance and friction.
 
-        Args:
-            torque: shape (N,), transmission torque of its joint [Nm].
-            compliance, rough: fitted compliance, and the set's rough one [rad/Nm].
+        `torque`: (N,), transmission torque [Nm]; `compliance`, `rough`: fitted, and the set's [rad/Nm].
         """
         return []
 

@@ -82,17 +82,10 @@ class PreslidingHysteresis(LawEffect):
 
 
 def dahl(position: Array, rate: float) -> tuple[Array, Array]:
-    """h and ∂h/∂ρ along a motion that starts with h = 0.
+    """h and ∂h/∂ρ, (N,) each, along positions (N,) [rad] from h = 0; `rate` is ρ [1/rad].
 
     Between reversals the law has a closed form in the path since the last reversal; only the values at
     reversals are computed recursively.
-
-    Args:
-        position: shape (N,) [rad].
-        rate: ρ [1/rad].
-
-    Returns:
-        Two arrays of shape (N,).
     """
     sign = np.sign(np.diff(position))
     first = np.flatnonzero(sign != 0)  # of each run in one direction; standstill belongs to the run before

@@ -73,15 +73,9 @@ class StartupFriction(LawEffect):
 
 
 def worn_off(position: Array, step: float, angle: float) -> tuple[Array, Array]:
-    """y and ∂y/∂x_s along a motion from rest, exact for constant speed between samples.
+    """y and ∂y/∂x_s, (N,) each, from rest, exact for constant speed between samples.
 
-    Args:
-        position: shape (N,) [rad].
-        step: between samples [s].
-        angle: x_s [rad].
-
-    Returns:
-        Two arrays of shape (N,).
+    `position`: (N,) [rad]; `step` between them [s]; `angle`: x_s [rad].
     """
     angle = max(angle, 1e-4)
     path, healing = _moves(position, step)

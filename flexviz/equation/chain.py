@@ -35,15 +35,8 @@ class Chain:
     def of_pulses(self, time: Array, at: Array, j: int) -> tuple[Array, Array]:
         """Pulses of q of joint j whose products with the pose are formed before they are filtered.
 
-        M(t) δ̈(t − t₀) = M(t₀) δ̈ − 2 Ṁ(t₀) δ̇ + M̈(t₀) δ, and so on.
-
-        Args:
-            time: shape (N,), of the samples [s].
-            at: shape (P,), t₀ of each pulse [s].
-            j: the joint.
-
-        Returns:
-            factors of the filtered δ, δ̇ and δ̈ in −∂r, shape (3, P, n), and the compliance at t₀, shape (P,).
+        M(t) δ̈(t − t₀) = M(t₀) δ̈ − 2 Ṁ(t₀) δ̇ + M̈(t₀) δ, and so on, for samples at `time` (N,) [s] and t₀ in
+        `at` (P,) [s]: factors of the filtered δ, δ̇ and δ̈ in −∂r, shape (3, P, n), and the compliance (P,).
         """
         nearest = np.clip(np.round((at - time[0]) / (time[1] - time[0])).astype(int), 0, len(time) - 1)
         past = at - time[nearest]

@@ -22,9 +22,7 @@ def time_constants(layout: Layout, x: Array) -> Array:
 def local_compliance(layout: Layout, x: Array, torque: Array | None) -> Array:
     """∂δ/∂s of the joints under a transmission torque (N, n) [Nm]: shape (N, n), or (n,) if it is constant.
 
-    Args:
-        layout, x: the model, x of shape (P,).
-        torque: None where it is not known: joints count as linear.
+    Where the torque is not known (None), joints count as linear.
     """
     own = x[layout.compliance]
     bent = None

@@ -65,12 +65,9 @@ class FineBands:
 
 
 def fine_bands(signals: Signals, inertia: Array, stiffness: Array, shared: dict[object, Any]) -> FineBands:
-    """The bands at given parameters.
+    """The bands at given B and K, shape (n,) each, which determine the noise of s and q̇.
 
-    Args:
-        signals: signals of the equation.
-        inertia, stiffness: shape (n,), B and K, which determine the noise of s and q̇.
-        shared: cache of quantities that depend on the signals only.
+    `shared`: cache of quantities that depend on the signals only.
     """
     blocks = signals.blocks
     if "noise" not in shared:

@@ -44,14 +44,7 @@ class InitialStates:
 def initial_states(
     context: EffectContext, signals: Signals, effects: Sequence[tuple[ChosenEffect, Array]], chain: Chain
 ) -> list[InitialStates]:
-    """The columns of every stretch that has an unknown initial state.
-
-    Args:
-        context: signals offered to the effects.
-        signals: signals of the equation.
-        effects: effects of the model with their parameters.
-        chain: sensitivity of r to s and q.
-    """
+    """The columns of every stretch that has an unknown initial state; `effects`: with their parameters."""
     found: dict[int, list[Array]] = {}
     for effect, values in effects:
         law = EFFECTS[effect.effect]

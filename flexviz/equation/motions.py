@@ -46,12 +46,9 @@ class MotionOnDemand(JointMotion):
 
 
 class WideMotions:
-    """The motions at given parameters.
+    """The motions at parameters x (P,).
 
     Args:
-        signals: signals of the equation.
-        layout: layout of x.
-        x: shape (P,).
         fine: wide-band signals of every stretch.
         shared: cache of quantities that depend on the signals only.
     """
@@ -68,10 +65,8 @@ class WideMotions:
     def of(self, joint: int, s: Array | None) -> list[JointMotion]:
         """Motions of a joint in every stretch.
 
-        Args:
-            joint: index.
-            s: shape (N, n), transmission torque of the equation, without friction [Nm]; None: the wide-band
-                torque, with all of it.
+        `s`: (N, n), transmission torque of the equation, without friction [Nm]; None: the wide-band one, with
+        all of it.
         """
         lay, x = self._layout, self._x
         stiffness, viscous = 1 / x[lay.compliance][joint], viscous_scale(lay, x, joint)[0]

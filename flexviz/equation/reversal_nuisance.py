@@ -157,13 +157,7 @@ def _of_stretch(
 ) -> Iterator[Pulses]:
     """The pulses of one effect in each part of a stretch that has some.
 
-    Args:
-        point: operating point.
-        unknown: of the effect in the stretch.
-        count: pulses of all effects in the stretch.
-        chain: of all samples.
-        lag: the joint's D/K [s].
-        products: as of `pulses`.
+    `count`: pulses of all effects in the stretch; `lag`: the joint's D/K [s].
     """
     index, law, joint, times = unknown.index, unknown.law, unknown.joint, unknown.times
     block, context = point.signals.blocks[index], point.context

@@ -13,10 +13,6 @@ def check_gears(mapping: Mapping, model: TorqueModel) -> Issue | None:
     """That both signals of joints with an unused gear are those of the motor; None if they are not.
 
     Checked first: if only θ or only τ were corrected, the other would look like a wrong unit, scale or sign.
-
-    Args:
-        mapping: of the log.
-        model: the motion and torques as the mapping reads them.
     """
     columns = [mapping.joints[joint] for joint in mapping.names]
     unused = np.array(

@@ -22,10 +22,7 @@ def exchanged(model: TorqueModel, pair: tuple[int, int], theta_too: bool) -> Tor
 def check_order(mapping: Mapping, model: TorqueModel, shares: Array) -> Issue | None:
     """Two joints whose columns are probably exchanged; None if there are no such ones.
 
-    Args:
-        mapping: of the log.
-        model: the motion and torques as the mapping reads them.
-        shares: shape (n,), share of each torque that the robot's masses explain with the best other changes.
+    `shares`: (n,), share of each torque that the robot's masses explain with the best other changes.
     """
     if np.min(shares) >= LIMITS.order_checked:
         return None
