@@ -5,8 +5,7 @@ from flexviz.designing.prediction import PredictedError, predict_errors
 from flexviz.designing.run import Design, DesignedGroup, design
 from flexviz.designing.settings import DesignSettings, LimitTable, settings_from
 from flexviz.designing.subject import Planned
-from flexviz.designing.summary import summary_lines
-from flexviz.designing.writing import design_files, write_design
+from flexviz.designing.writing import design_files, summary_lines, write_design
 
 __all__ = [
     "Design",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import EffectEvidence, JointScale
-from flexviz.effects.law import LawEffect
-from flexviz.effects.recurrence import chained
+from flexviz.effects.law import LawEffect, chained
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
 START_ANGLE = 0.01  # [rad] over which friction builds up, where a fit starts

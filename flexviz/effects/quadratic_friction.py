@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.friction import ARMSTRONG
 from flexviz.effects.law import LinearEffect
-from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+from flexviz.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec
 
 
 class QuadraticFriction(LinearEffect):

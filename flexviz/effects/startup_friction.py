@@ -7,10 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.friction import ARMSTRONG
-from flexviz.effects.law import LawEffect
-from flexviz.effects.recurrence import chained
-from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
+from flexviz.effects.law import LawEffect, chained
+from flexviz.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec, smooth_sign
 
 REST_SPEED = 0.005  # [rad/s] a slower joint stands still; that of the sign's smoothing
 REST_TIME = 0.1  # [s] of standstill that restores 63 % of the additional friction

@@ -58,6 +58,14 @@ class ParameterSpec:
             object.__setattr__(self, "symbol", self.name)
 
 
+# shared by the friction effects
+ARMSTRONG = (
+    "Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods "
+    "for the control of machines with friction, Automatica 30(7), 1994"
+)
+SLIDING = ParameterSpec("coulomb", "Nm", 0.0, explanation="friction torque while moving", symbol="f_c")
+
+
 @dataclass(frozen=True)
 class JointMotion:
     """Full-bandwidth motion of one joint during one stretch; arrays have shape (N,).

@@ -278,16 +278,12 @@ class EffectContext:
         if self._of is not None:
             return self._of.motions(joint)
         if joint not in self._motions:
-            self._used = None if self._s is not None else self.fine()
-            self._motions[joint] = self._source().of(joint, self._s)
+            fine = self.fine()
+            self._used = None if self._s is not None else fine
+            if self._at is None or self._at.fine is not fine:
+                self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
+            self._motions[joint] = self._at.of(joint, self._s)
         return self._motions[joint]
-
-    def _source(self) -> WideMotions:
-        """The motions at these parameters."""
-        fine = self.fine()
-        if self._at is None or self._at.fine is not fine:
-            self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
-        return self._at
 
 
 def low_passed(values: Array, lag: float, step: float) -> Array:

@@ -10,9 +10,8 @@ import numpy as np
 
 from flexviz.importing.column_names import CURRENT
 from flexviz.importing.cross_checks import ColumnChange, angle_changes, change_of, conversions
-from flexviz.importing.gear_check import check_gears
 from flexviz.importing.mapping import Fix, Issue, Mapping
-from flexviz.importing.order_check import check_order
+from flexviz.importing.mix_ups import check_gears, check_order
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueModel, improvement
 from flexviz.measurements import Array

@@ -12,8 +12,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.effect_laws import LAWS, STANDARD_GRAVITY, Assembly, TorquePath
-from flexviz.simulation.extra_laws import UserEffectLaw
-from flexviz.simulation.laws import ROOM_TEMPERATURE
+from flexviz.simulation.laws import ROOM_TEMPERATURE, UserEffectLaw
 from flexviz.simulation.plant import Array, Plant
 
 

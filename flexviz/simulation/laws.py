@@ -10,12 +10,15 @@ sign(v) is tanh(v / 0.005 rad/s).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import asinh, cos, exp, sin, tanh
+from typing import ClassVar, NamedTuple
 
-from flexviz.effects import JointState
-from flexviz.simulation.extra_laws import ExtraLaw, Pull
+import numpy as np
+
+from flexviz.effects import Effect, JointState
 
 SIGN_WIDTH = 0.005  # [rad/s]
 REST_SPEED = 0.005  # [rad/s] below which start-up friction returns ...
@@ -104,6 +107,35 @@ def coupled_friction(coulomb: float, viscous: float) -> CoupledLaw:
     return lambda own, other: coulomb * tanh((own + other) / SIGN_WIDTH) + viscous * (own + other)
 
 
+class Pull(NamedTuple):
+    """Torques of a law on its joint.
+
+    Attributes:
+        motor, link: torques opposing the motor and the link [Nm].
+        joint: additional joint torque [Nm].
+        rates: time derivatives of the law's states.
+    """
+
+    motor: float = 0.0
+    link: float = 0.0
+    joint: float = 0.0
+    rates: Sequence[float] = ()
+
+
+class ExtraLaw(ABC):
+    """A law on one joint, smooth over an integration step.
+
+    Attributes:
+        states: number of its states, which start at zero.
+    """
+
+    states: ClassVar[int] = 0
+
+    @abstractmethod
+    def pull(self, at: JointState) -> Pull:
+        """Its torques at one instant, and the rates of its states."""
+
+
 @dataclass(frozen=True)
 class Dahl(ExtraLaw):
     """Presliding hysteresis: friction σz with ż = θ̇ − |θ̇| z σ/f_c, z in rad."""
@@ -133,3 +165,23 @@ class BreakAway(ExtraLaw):
         healing = exp(-((speed / REST_SPEED) ** 2)) / REST_TIME
         rate = (1.0 - worn) * abs(speed) / self.angle - worn * healing
         return Pull(motor=self.startup * (1.0 - worn) * tanh(speed / SIGN_WIDTH), rates=(rate,))
+
+
+class UserEffectLaw(ExtraLaw):
+    """The torque of a user-defined effect, on the side where the effect acts."""
+
+    def __init__(self, where: str, torque: Callable[[JointState], float]) -> None:
+        self._where, self._torque = where, torque
+
+    @staticmethod
+    def of(effect: Effect, parameters: Mapping[str, float]) -> UserEffectLaw:
+        """The law of an effect that can be simulated, with these parameters."""
+        torque = effect.simulation(np.array([parameters[p.name] for p in effect.parameters]))
+        assert torque is not None
+        return UserEffectLaw(effect.where, torque)
+
+    def pull(self, at: JointState) -> Pull:
+        torque = float(self._torque(at))
+        if self._where == "motor":
+            return Pull(motor=torque)
+        return Pull(link=torque) if self._where == "link" else Pull(joint=torque)

@@ -10,7 +10,7 @@ from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.control import PDController
-from flexviz.simulation.extra_laws import ExtraLaw
+from flexviz.simulation.laws import ExtraLaw
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Reference
 from flexviz.simulation.run import Run, simulate_run

@@ -13,8 +13,7 @@ import numpy as np
 
 from flexviz.effects import JointState
 from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.extra_laws import ExtraLaw, Pull
-from flexviz.simulation.laws import CoupledLaw, Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.laws import CoupledLaw, Dahl, ExtraLaw, LinkLaw, MotorLaw, Pull
 
 Array = np.ndarray
 

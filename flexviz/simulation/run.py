@@ -14,7 +14,7 @@ from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.control import PDController, TorqueFilter
-from flexviz.simulation.extra_laws import ExtraLaw
+from flexviz.simulation.laws import ExtraLaw
 from flexviz.simulation.loop import Loop
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
