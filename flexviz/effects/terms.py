@@ -184,9 +184,11 @@ class Context(Protocol):
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         """Wide-band motion of a joint, one per stretch."""
+        ...
 
     def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
         """The result of `make`, for columns independent of parameters: cached if not too large."""
+        ...
 
     def filtered(
         self, parts: Sequence[Array], joint: int, depth: int, every: Sequence[int] | None = None
@@ -195,33 +197,44 @@ class Context(Protocol):
 
         `every`: per stretch, which samples the columns have: every so many of the fine ones; default: all.
         """
+        ...
 
     def decimation(self, joint: int, depth: int, highest: float) -> list[int]:
         """Per stretch, every how many fine samples suffice without content above `highest` [rad/s]."""
+        ...
 
     def theta(self, joint: int) -> Array:
         """Observer's θ and derivatives, shape (5, N)."""
+        ...
 
     def tau(self, joint: int) -> Array:
         """Observer's τ and derivatives, shape (4, N)."""
+        ...
 
     def delayed_tau(self, joint: int, delay: float) -> Array:
         """The same for the torque applied `delay` [s] later, shape (4, N)."""
+        ...
 
     def link_state(self, joint: int) -> Array:
         """Link side q, q̇, q̈ at the current parameters, shape (3, N)."""
+        ...
 
     def in_group(self, group: str) -> NDArray[np.bool_]:
         """Samples of that group, shape (N,)."""
+        ...
 
     def payload_torque(self, payload: str) -> Array:
         """Y Γ_payload in the groups that carry it, zero elsewhere, shape (N, n) [Nm]."""
+        ...
 
     def gravity_torque(self, axis: int) -> Array:
         """Joint torque of unit gravity acceleration along a base axis, shape (N, n) [Nm s²/m]."""
+        ...
 
     def count(self) -> int:
         """Number of samples N."""
+        ...
 
     def joints(self) -> int:
         """Number of joints n."""
+        ...

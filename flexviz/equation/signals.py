@@ -67,8 +67,8 @@ class Signals:
 
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
-        all_joints, bandwidth = self.observer, self.observer.bandwidth
-        return all_joints if isinstance(bandwidth, float) else all_joints.for_bandwidth(bandwidth[joint])
+        bandwidth = np.atleast_1d(self.observer.bandwidth)
+        return self.observer if len(bandwidth) == 1 else self.observer.for_bandwidth(float(bandwidth[joint]))
 
     def kept(self, block: Block) -> slice:
         """Decimated samples of a stretch that are contained in the signals."""

@@ -84,7 +84,7 @@ class TorqueModel:
         """The same with other angles (and their derivatives) and torques, (M, n) each."""
         model = copy(self)
         model.samples = [
-            (bodies, SampledMotion(*map(motion, (m.q, m.v, m.a)), torque(m.torque)))
+            (bodies, SampledMotion(motion(m.q), motion(m.v), motion(m.a), torque(m.torque)))
             for bodies, m in self.samples
         ]
         model.torque = torque(self.torque)
