@@ -43,18 +43,12 @@ class LeastErrors(Criterion):
     """Relative standard errors of some parameters: their root mean square, or their geometric mean.
 
     The geometric mean is that of the axes of the joint confidence ellipsoid.
-
-    Attributes:
-        prior: shape (P, P).
-        chosen: indices of the parameters.
-        scale: shape (C,), what their standard errors are relative to.
-        geometric: log-det instead of trace.
     """
 
-    prior: Array
-    chosen: NDArray[np.intp]
-    scale: Array
-    geometric: bool = False
+    prior: Array  # (P, P)
+    chosen: NDArray[np.intp]  # indices of the parameters
+    scale: Array  # (C,), what their standard errors are relative to
+    geometric: bool = False  # log-det instead of trace
     unit = "%"
 
     @property
@@ -81,16 +75,11 @@ class BestSeparation(Criterion):
     residual when the rest of the model and the other effect are projected out. The smaller of the two gains
     (either effect may be the true one) is maximised. An effect that is a special case of the other one, as an
     offset is of a spring with a rest angle, cannot win by fitting better: there only the other gain counts.
-
-    Attributes:
-        prior: shape (P, P).
-        own: indices of each effect's parameters.
-        counts: which of the two gains counts.
     """
 
-    prior: Array
-    own: tuple[NDArray[np.intp], NDArray[np.intp]]
-    counts: tuple[bool, bool] = (True, True)
+    prior: Array  # (P, P)
+    own: tuple[NDArray[np.intp], NDArray[np.intp]]  # indices of each effect's parameters
+    counts: tuple[bool, bool] = (True, True)  # which of the two gains counts
     text = "expected gain in log likelihood of the right effect over the wrong one"
     unit = ""
 

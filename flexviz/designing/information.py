@@ -48,15 +48,10 @@ def information(columns: Array, density: Array, step: float) -> Array:
 
 @dataclass(frozen=True)
 class Contender:
-    """One of two effects to tell apart.
+    """One of two effects to tell apart."""
 
-    Attributes:
-        text: of the effect, "backlash:joint2".
-        own: labels of its parameters.
-    """
-
-    text: str
-    own: tuple[str, ...]
+    text: str  # of the effect, "backlash:joint2"
+    own: tuple[str, ...]  # labels of its parameters
 
 
 class Columns:

@@ -38,26 +38,16 @@ class Trial:
 
 @dataclass
 class GroupSearch:
-    """The search; `groups` is the best design so far.
+    """The search; `groups` is the best design so far."""
 
-    Attributes:
-        subject: the robot.
-        space: motions to choose from.
-        gram: information of groups.
-        criterion: to be minimised.
-        known: information of groups that are recorded already, (Q, Q).
-        step: of the predicted motions [s].
-        seed: of the random numbers.
-        tell: called with the evaluations done and the best value; may raise to stop.
-    """
-
-    subject: Subject
-    space: MotionSpace
-    gram: Gram
-    criterion: Criterion
-    known: Array
-    step: float
-    seed: int
+    subject: Subject  # the robot
+    space: MotionSpace  # motions to choose from
+    gram: Gram  # information of groups
+    criterion: Criterion  # to be minimised
+    known: Array  # information of groups that are recorded already, (Q, Q)
+    step: float  # of the predicted motions [s]
+    seed: int  # of the random numbers
+    # called with the evaluations done and the best value; may raise to stop
     tell: Callable[[int, float], None]
     groups: list[Trial] = field(default_factory=list)
     evaluations: int = 0

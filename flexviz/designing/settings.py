@@ -85,23 +85,17 @@ def settings_from(
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits of a robot's motion; infinite where there is none.
+    """Limits of a robot's motion; infinite where there is none."""
 
-    Attributes:
-        lower, upper: shape (n,), position of motor and link [rad].
-        velocity, acceleration: shape (n,), of the motor [rad/s], [rad/s²].
-        torque: shape (n,), of the motor [Nm].
-        tool: link that the box holds for.
-        box: shape (2, 3), least and largest position of the tool [m].
-    """
-
+    # lower, upper: (n,), position of motor and link [rad]
     lower: Array
     upper: Array
+    # velocity, acceleration: (n,), of the motor [rad/s], [rad/s²]
     velocity: Array
     acceleration: Array
-    torque: Array
-    tool: str
-    box: Array
+    torque: Array  # (n,), of the motor [Nm]
+    tool: str  # link that the box holds for
+    box: Array  # (2, 3), least and largest position of the tool [m]
 
 
 def limits_of(robot: Robot, table: LimitTable, file: str | Path | None = None) -> Limits:

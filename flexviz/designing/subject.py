@@ -31,26 +31,17 @@ class Planned:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A robot to design experiments for.
+    """A robot to design experiments for."""
 
-    Attributes:
-        name, robot: of the set, the preset or the URDF.
-        models: the model; or two that differ in one effect, to be told apart.
-        payloads: name → bodies.
-        controller: that follows the references.
-        noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
-        step: of the raw samples [s].
-        recorded: the groups recorded so far; None without.
-    """
-
+    # name, robot: of the set, the preset or the URDF
     name: str
     robot: Robot
-    models: tuple[FlexibleModel, ...]
-    payloads: dict[str, tuple[PayloadBody, ...]]
-    controller: PDController
-    noise: tuple[Array, Array]
-    step: float
-    recorded: MeasurementSet | None = None
+    models: tuple[FlexibleModel, ...]  # the model; or two that differ in one effect, to be told apart
+    payloads: dict[str, tuple[PayloadBody, ...]]  # name → bodies
+    controller: PDController  # that follows the references
+    noise: tuple[Array, Array]  # standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each
+    step: float  # of the raw samples [s]
+    recorded: MeasurementSet | None = None  # the groups recorded so far; None without
 
     @property
     def model(self) -> FlexibleModel:

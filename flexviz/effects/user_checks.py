@@ -37,15 +37,10 @@ MIN_AGREEING_SHARE = 0.99  # of the samples: kinks are allowed
 
 @dataclass(frozen=True)
 class EffectFile:
-    """A user's effect file with the line numbers of its definitions.
+    """A user's effect file with the line numbers of its definitions."""
 
-    Attributes:
-        file: as given by the user.
-        lines: (class, attribute or "") → line.
-    """
-
-    file: Path
-    lines: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    file: Path  # as given by the user
+    lines: Mapping[tuple[str, str], int] = field(default_factory=dict)  # (class, attribute or "") → line
 
     @staticmethod
     def read(file: Path) -> EffectFile:

@@ -25,24 +25,16 @@ KEPT_BYTES = 1.5e8  # of long records fewer, at least one
 
 @dataclass(frozen=True)
 class FineSignals:
-    """Wide-band signals of one stretch.
+    """Wide-band signals of one stretch."""
 
-    Attributes:
-        time: shape (N_fine,) [s].
-        step: between samples [s].
-        position, velocity: shape (N_fine, n), motor side [rad], [rad/s].
-        theta: shape (4, N_fine, n), in the torque band, for s and ṡ [rad/s^k].
-        tau: shape (2, N_fine, n) [Nm/s^k].
-        torque_hertz: shape (n,), torque band [Hz].
-    """
-
-    time: Array
-    step: float
+    time: Array  # (N_fine,) [s]
+    step: float  # between samples [s]
+    # position, velocity: (N_fine, n), motor side [rad], [rad/s]
     position: Array
     velocity: Array
-    theta: Array
-    tau: Array
-    torque_hertz: Array
+    theta: Array  # (4, N_fine, n), in the torque band, for s and ṡ [rad/s^k]
+    tau: Array  # (2, N_fine, n) [Nm/s^k]
+    torque_hertz: Array  # (n,), torque band [Hz]
 
 
 def fine_stride(block: Block) -> int:
@@ -52,14 +44,10 @@ def fine_stride(block: Block) -> int:
 
 @dataclass(frozen=True)
 class FineBands:
-    """Bands of the fine signals of every block.
+    """Bands of the fine signals of every block."""
 
-    Attributes:
-        key: equal for bands that share their signals.
-        wide, narrow: shape (n,) each, of the velocity and of the torque [Hz], one per block.
-    """
-
-    key: tuple[object, ...]
+    key: tuple[object, ...]  # equal for bands that share their signals
+    # wide, narrow: (n,), of the velocity and of the torque [Hz], one per block
     wide: list[Array]
     narrow: list[Array]
 

@@ -22,17 +22,11 @@ RIDGE = 0.01  # relative to the largest value of a column
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Columns of the unknown initial states of one stretch.
+    """Columns of the unknown initial states of one stretch."""
 
-    Attributes:
-        rows: the stretch's samples.
-        columns: shape (N_block · n, M), ∂r.
-        solve: shape (M, N_block · n), linear map from r to the least-squares sizes.
-    """
-
-    rows: slice
-    columns: Array
-    solve: Array
+    rows: slice  # the stretch's samples
+    columns: Array  # (N_block · n, M), ∂r
+    solve: Array  # (M, N_block · n), linear map from r to the least-squares sizes
 
     def remove_from(self, r: Array) -> None:
         """Project the columns out of residuals (N, n) or Jacobians (N, n, P), in place."""

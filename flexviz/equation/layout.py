@@ -21,15 +21,10 @@ INERTIAL_NAMES = tuple(INERTIAL_UNITS)
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters.
+    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters."""
 
-    Attributes:
-        joints: names of the joints.
-        effects: the model's effects.
-    """
-
-    joints: tuple[str, ...]
-    effects: tuple[ChosenEffect, ...] = ()
+    joints: tuple[str, ...]  # names of the joints
+    effects: tuple[ChosenEffect, ...] = ()  # the model's effects
 
     @property
     def n(self) -> int:

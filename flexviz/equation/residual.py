@@ -36,21 +36,13 @@ STATE_CHANGE = 1e-3  # relative change of a parameter after which effects are ev
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The equation at one parameter vector.
+    """The equation at one parameter vector."""
 
-    Attributes:
-        residual: shape (N, n), r [Nm].
-        jacobian: shape (N, n, P), ∂r/∂x.
-        torque: shape (3, N, n), s and its derivatives [Nm/s^k].
-        q: shape (3, N, n), link side and its derivatives [rad/s^k].
-        link: the rigid-body terms.
-    """
-
-    residual: Array
-    jacobian: Array
-    torque: Array
-    q: Array
-    link: LinkTerms
+    residual: Array  # (N, n), r [Nm]
+    jacobian: Array  # (N, n, P), ∂r/∂x
+    torque: Array  # (3, N, n), s and its derivatives [Nm/s^k]
+    q: Array  # (3, N, n), link side and its derivatives [rad/s^k]
+    link: LinkTerms  # the rigid-body terms
 
 
 class Equation:

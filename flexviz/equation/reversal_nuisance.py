@@ -47,30 +47,19 @@ BORDER = 0.4  # [s] beyond a part, from where a filtered pulse still matters
 
 @dataclass(frozen=True)
 class PulseGroup:
-    """Unknown pulses of about one reversal; a pulse is short, and all of a stretch together mostly zeros.
+    """Unknown pulses of about one reversal; a pulse is short, and all of a stretch together mostly zeros."""
 
-    Attributes:
-        first: sample of the stretch with which they begin.
-        columns: shape (R, n, M), ∂r for a pulse of one standard deviation; zero in other samples.
-    """
-
-    first: int
-    columns: Array
+    first: int  # sample of the stretch with which they begin
+    columns: Array  # (R, n, M), ∂r for a pulse of one standard deviation; zero in other samples
 
 
 @dataclass(frozen=True)
 class Pulses:
-    """Unknown pulses of a stretch or of a part of it.
+    """Unknown pulses of a stretch or of a part of it."""
 
-    Attributes:
-        block: which stretch.
-        rows: samples of the stretch in which they count; they may begin before.
-        groups: the pulses.
-    """
-
-    block: int
-    rows: slice
-    groups: tuple[PulseGroup, ...]
+    block: int  # which stretch
+    rows: slice  # samples of the stretch in which they count; they may begin before
+    groups: tuple[PulseGroup, ...]  # the pulses
 
     @property
     def count(self) -> int:
@@ -121,23 +110,17 @@ def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = Fa
 
 @dataclass(frozen=True)
 class _Unknown:
-    """What of an effect is unknown in a stretch.
+    """What of an effect is unknown in a stretch."""
 
-    Attributes:
-        index: which stretch.
-        law, joint: the effect.
-        motion: of the joint in the stretch.
-        times, sizes: shape (M,), instants [s] and standard deviations of the pulses.
-        begun: unknown initial states (`LawEffect.unknown`).
-    """
-
-    index: int
+    index: int  # which stretch
+    # law, joint: the effect
     law: LawEffect
     joint: int
-    motion: JointMotion
+    motion: JointMotion  # of the joint in the stretch
+    # times, sizes: (M,), instants [s] and standard deviations of the pulses
     times: Array
     sizes: Array
-    begun: Array
+    begun: Array  # unknown initial states (`LawEffect.unknown`)
 
 
 def _unknown(point: OperatingPoint, x: Array) -> Iterator[_Unknown]:

@@ -18,46 +18,28 @@ FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
 
 @dataclass(frozen=True)
 class Block:
-    """The samples of one segment.
+    """The samples of one segment."""
 
-    Attributes:
-        group: index into the signals' groups.
-        rows: where its samples are.
-        segment: the raw segment.
-        stride: raw samples per equation sample.
-    """
-
-    group: int
-    rows: slice
-    segment: Segment
-    stride: int
+    group: int  # index into the signals' groups
+    rows: slice  # where its samples are
+    segment: Segment  # the raw segment
+    stride: int  # raw samples per equation sample
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Observer outputs of several groups, stacked along time.
+    """Observer outputs of several groups, stacked along time."""
 
-    Attributes:
-        groups: the trajectory–payload groups.
-        payload: shape (G, n, 10), the known payload's inertial parameters of each group.
-        blocks: which rows belong to which segment.
-        time: shape (N,) [s], each group's own time.
-        theta: shape (5, N, n) [rad/s^k].
-        tau: shape (3, N, n) [Nm/s^k].
-        observer: what made them.
-        torque_hold: [s].
-        sharp: effects see the transmission torque beyond the observer's band, too. A plain fit starts from
-            values too rough for that.
-    """
-
-    groups: tuple[Group, ...]
-    payload: Array
-    blocks: tuple[Block, ...]
-    time: Array
-    theta: Array
-    tau: Array
-    observer: Observer
-    torque_hold: float
+    groups: tuple[Group, ...]  # the trajectory–payload groups
+    payload: Array  # (G, n, 10), the known payload's inertial parameters of each group
+    blocks: tuple[Block, ...]  # which rows belong to which segment
+    time: Array  # (N,) [s], each group's own time
+    theta: Array  # (5, N, n) [rad/s^k]
+    tau: Array  # (3, N, n) [Nm/s^k]
+    observer: Observer  # what made them
+    torque_hold: float  # [s]
+    # effects see the transmission torque beyond the observer's band, too. A plain fit starts from values too
+    # rough for that
     sharp: bool = False
 
     @property

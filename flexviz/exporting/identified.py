@@ -38,15 +38,10 @@ VECTORS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous
 
 @dataclass(frozen=True, eq=False)
 class FormatFiles:
-    """An export in one format.
+    """An export in one format."""
 
-    Attributes:
-        contents: file name -> content, the main file first.
-        left_out: parts of the model that it does not contain, one line each.
-    """
-
-    contents: dict[str, bytes]
-    left_out: list[str]
+    contents: dict[str, bytes]  # file name -> content, the main file first
+    left_out: list[str]  # parts of the model that it does not contain, one line each
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,20 +28,14 @@ Row = tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The model's parameters in the set's joint order; zero disables an effect.
+    """The model's parameters in the set's joint order; zero disables an effect."""
 
-    Attributes:
-        arrays: (n,) stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad], and
-            those of the `PerJoint` effects, by table, units as registered.
-        rows: rows of the `PerRow` effects, by table: joint indices, then the numbers.
-        gravity: (3,) [m/s²] in the base's frame.
-        bodies: the payload's bodies as identified.
-    """
-
+    # (n,) stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad], and those of the
+    # `PerJoint` effects, by table, units as registered
     arrays: Mapping[str, Array]
-    rows: Mapping[str, list[Row]]
-    gravity: tuple[float, float, float] = GRAVITY
-    bodies: tuple[PayloadBody, ...] = ()
+    rows: Mapping[str, list[Row]]  # rows of the `PerRow` effects, by table: joint indices, then the numbers
+    gravity: tuple[float, float, float] = GRAVITY  # (3,) [m/s²] in the base's frame
+    bodies: tuple[PayloadBody, ...] = ()  # the payload's bodies as identified
 
     def __getitem__(self, name: str) -> Array:
         """One of `arrays`, (n,)."""

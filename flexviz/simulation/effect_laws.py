@@ -21,35 +21,22 @@ STANDARD_GRAVITY = 9.81  # [m/s²]
 
 @dataclass(frozen=True, eq=False)
 class TorquePath:
-    """From the recorded to the applied torque: applied = (1 + g)·recorded, `delay` later.
+    """From the recorded to the applied torque: applied = (1 + g)·recorded, `delay` later."""
 
-    Attributes:
-        gain_error: shape (n,), g [-].
-        delay: shape (n,) [s].
-    """
-
-    gain_error: Array
-    delay: Array
+    gain_error: Array  # (n,), g [-]
+    delay: Array  # (n,) [s]
 
 
 @dataclass
 class Assembly:
-    """A plant under construction, to which effects are added; Pinocchio's joint order.
-
-    Attributes:
-        plant: still without a model.
-        bodies: the payload.
-        gravity: shape (3,), in the base frame [m/s²].
-        path: from the recorded to the applied torque.
-        temperature: shape (n,), of the joints during the run [°C].
-    """
+    """A plant under construction, to which effects are added; Pinocchio's joint order."""
 
     robot: Robot
-    plant: Plant
-    bodies: tuple[PayloadBody, ...]
-    gravity: tuple[float, float, float]
-    path: TorquePath
-    temperature: Array
+    plant: Plant  # still without a model
+    bodies: tuple[PayloadBody, ...]  # the payload
+    gravity: tuple[float, float, float]  # (3,), in the base frame [m/s²]
+    path: TorquePath  # from the recorded to the applied torque
+    temperature: Array  # (n,), of the joints during the run [°C]
 
 
 def neighbour(robot: Robot, i: int) -> int:
@@ -80,14 +67,10 @@ Enter = Callable[[Assembly, Sequence[int], Parameters], None]
 
 @dataclass(frozen=True)
 class EffectLaw:
-    """Implementation of an effect.
+    """Implementation of an effect."""
 
-    Attributes:
-        enter: adds the law to a plant, on the given joints.
-        positive, not_negative: parameters that must be > 0, or ≥ 0.
-    """
-
-    enter: Enter
+    enter: Enter  # adds the law to a plant, on the given joints
+    # positive, not_negative: parameters that must be > 0, or ≥ 0
     positive: tuple[str, ...] = ()
     not_negative: tuple[str, ...] = ()
 

@@ -14,20 +14,13 @@ from math import cos, sin
 
 @dataclass
 class ElasticJoint:
-    """One joint's elastic law; zero switches an effect off.
+    """One joint's elastic law; zero switches an effect off."""
 
-    Attributes:
-        stiffness: K [Nm/rad].
-        cubic: k₃ [Nm/rad³].
-        half_width: backlash b [rad].
-        damping: D [Nm s/rad].
-        errors: transmission errors (amplitude [rad], order [-], phase [rad]).
-    """
-
-    stiffness: float
-    cubic: float = 0.0
-    half_width: float = 0.0
-    damping: float = 0.0
+    stiffness: float  # K [Nm/rad]
+    cubic: float = 0.0  # k₃ [Nm/rad³]
+    half_width: float = 0.0  # backlash b [rad]
+    damping: float = 0.0  # D [Nm s/rad]
+    # transmission errors (amplitude [rad], order [-], phase [rad])
     errors: tuple[tuple[float, float, float], ...] = ()
 
     def torque(self, theta: float, q: float, theta_velocity: float, q_velocity: float) -> float:

@@ -22,25 +22,17 @@ LARGEST_TORQUE = 1e12  # [Nm] beyond which the simulation counts as diverged
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A plant under τ = target(t) − k_p θ − k_d θ̇, held for a cycle (n joints, Pinocchio's order).
-
-    Attributes:
-        target: (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm].
-        cycle: [s].
-        smooth: filter of the applied and recorded torque, or None.
-        feedback: measured motion for the controller; None: the true motion.
-        step: largest integration step [s]; None: from the fastest motion.
-    """
+    """A plant under τ = target(t) − k_p θ − k_d θ̇, held for a cycle (n joints, Pinocchio's order)."""
 
     plant: Plant
     torque_path: TorquePath
-    target: Array
+    target: Array  # (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm]
     kp: Array
     kd: Array
-    cycle: float
-    smooth: TorqueFilter | None = None
-    feedback: Feedback | None = None
-    step: float | None = None
+    cycle: float  # [s]
+    smooth: TorqueFilter | None = None  # filter of the applied and recorded torque, or None
+    feedback: Feedback | None = None  # measured motion for the controller; None: the true motion
+    step: float | None = None  # largest integration step [s]; None: from the fastest motion
 
     def drive(
         self,

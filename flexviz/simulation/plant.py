@@ -20,29 +20,24 @@ Array = np.ndarray
 
 @dataclass
 class Plant:
-    """A robot with its parameters and effects, ready to be integrated (n joints, Pinocchio's order).
+    """A robot with its parameters and effects, ready to be integrated (n joints, Pinocchio's order)."""
 
-    Attributes:
-        model: Pinocchio model with the link-side inertias, payload and gravity.
-        stiffness, link_viscous, motor_viscous: (n,).
-        motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
-        motor_laws, link_laws: (joint index, law).
-        coupled_laws: (joint index, other joint's index, law), zero at rest.
-        elastic: joint index -> law, for joints other than linear springs.
-        contacts: (joint index, torque [Nm], start [s], end [s]).
-        extra: (joint index, law): with own states, user-defined, or of no library.
-    """
-
-    model: Any
+    model: Any  # Pinocchio model with the link-side inertias, payload and gravity
+    # stiffness, link_viscous, motor_viscous: (n,)
     stiffness: Array
-    motor_inertia: Array
+    motor_inertia: Array  # (n, n) [kg m²], diagonal unless motors couple
     link_viscous: Array
     motor_viscous: Array
+    # motor_laws, link_laws: (joint index, law)
     motor_laws: list[tuple[int, MotorLaw]] = field(default_factory=list)
     link_laws: list[tuple[int, LinkLaw]] = field(default_factory=list)
+    # (joint index, other joint's index, law), zero at rest
     coupled_laws: list[tuple[int, int, CoupledLaw]] = field(default_factory=list)
+    # joint index -> law, for joints other than linear springs
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
+    # (joint index, torque [Nm], start [s], end [s])
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)
+    # (joint index, law): with own states, user-defined, or of no library
     extra: list[tuple[int, ExtraLaw]] = field(default_factory=list)
 
     @property
