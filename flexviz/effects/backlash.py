@@ -21,8 +21,6 @@ LEAST_COMPLIANCE = 0.2
 
 
 class Backlash(LawEffect):
-    """Play between the teeth: within the gap no torque is transmitted."""
-
     name = "backlash"
     title = "Backlash"
     where = "joint"

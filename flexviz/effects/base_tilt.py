@@ -11,8 +11,6 @@ GRAVITY = 9.81  # [m/s²]
 
 
 class BaseTilt(Effect):
-    """The robot does not stand level."""
-
     name = "base_tilt"
     title = "Base tilt"
     where = "load"

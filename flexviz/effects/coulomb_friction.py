@@ -10,8 +10,6 @@ from flexviz.effects.terms import ARMSTRONG, SLIDING, Array, JointMotion, smooth
 
 
 class CoulombFriction(LinearEffect):
-    """Dry friction between motor and gear: a constant torque against the motor's motion."""
-
     name = "coulomb_friction"
     title = "Coulomb friction"
     where = "motor"

@@ -157,6 +157,9 @@ class Effect(ABC):
     expected: ClassVar[Mapping[str, float]] = {}
     example: ClassVar[tuple[float, ...]] = ()
 
+    def __init_subclass__(cls) -> None:
+        cls.__doc__ = cls.__doc__ or getattr(cls, "explanation", None)
+
     @property
     def units(self) -> dict[str, str]:
         """Parameter → its unit."""

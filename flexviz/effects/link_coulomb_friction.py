@@ -10,8 +10,6 @@ from flexviz.effects.terms import ARMSTRONG, SLIDING, Array, JointMotion, smooth
 
 
 class LinkCoulombFriction(LinearEffect):
-    """Dry friction in the link's bearing, behind the elastic transmission."""
-
     name = "link_coulomb_friction"
     title = "Coulomb friction at the link"
     where = "link"

@@ -10,8 +10,6 @@ from flexviz.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec
 
 
 class QuadraticFriction(LinearEffect):
-    """Friction that grows with the square of the speed."""
-
     name = "quadratic_friction"
     title = "Quadratic friction"
     where = "motor"

@@ -14,8 +14,6 @@ CREEPING = 0.5  # share of a joint's top speed; if v_s is that, 2 % of the frict
 
 
 class StribeckFriction(LawEffect):
-    """The extra friction at creeping speed, before the lubricant carries."""
-
     name = "stribeck_friction"
     title = "Stribeck friction"
     where = "motor"

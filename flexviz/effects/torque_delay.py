@@ -12,8 +12,6 @@ FINEST_DELAY_BESIDE_TWIN = 0.1  # the same beside joint damping, which the torqu
 
 
 class TorqueDelay(Effect):
-    """A delay from the recorded to the applied torque."""
-
     name = "torque_delay"
     title = "Torque delay"
     where = "sensing"

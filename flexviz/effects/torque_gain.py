@@ -12,8 +12,6 @@ LARGEST_GAIN_ERROR = 0.4  # larger errors of a drive would have been noticed
 
 
 class TorqueGain(Effect):
-    """A constant ratio of applied to recorded torque."""
-
     name = "torque_gain"
     title = "Torque gain error"
     where = "sensing"

@@ -8,8 +8,6 @@ from flexviz.effects.terms import ParameterSpec
 
 
 class TorqueRipple(Ripple):
-    """Cogging and commutation torque of the motor, seen through the gear."""
-
     name = "torque_ripple"
     title = "Torque ripple"
     where = "motor"

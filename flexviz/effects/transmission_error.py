@@ -8,8 +8,6 @@ from flexviz.effects.terms import ParameterSpec
 
 
 class TransmissionError(Ripple):
-    """Kinematic error of the gear: the link is not exactly where the motor angle says."""
-
     name = "transmission_error"
     title = "Transmission error"
     where = "joint"
