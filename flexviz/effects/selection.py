@@ -46,11 +46,7 @@ class ChosenEffect:
 
     @staticmethod
     def of(value: EffectValue, joints: Sequence[str]) -> ChosenEffect:
-        """The chosen effect of a model's `EffectValue`.
-
-        Raises:
-            InputError: for a joint that does not exist.
-        """
+        """The chosen effect of a model's `EffectValue`; InputError for a joint that does not exist."""
         if value.joint is not None and value.joint not in joints:
             valid = choose_from(value.joint, joints)
             raise InputError(f'effect "{value.text}": joint "{value.joint}" is not in the set; {valid}')

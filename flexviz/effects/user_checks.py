@@ -92,10 +92,9 @@ class EffectFile:
 
 
 def check(kind: type[Effect], file: EffectFile, taken: Mapping[str, Effect]) -> Effect:
-    """An instance of a user's effect class that passes all checks; `taken` are the loaded effects.
+    """An instance of a user's class, or InputError with the line of the first check that it fails.
 
-    Raises:
-        InputError: with the line of the first failed check.
+    `taken` are the loaded effects.
     """
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:

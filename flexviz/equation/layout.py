@@ -139,11 +139,7 @@ class Layout:
 
 
 def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layout:
-    """Layout of a set's model with additional effects.
-
-    Raises:
-        InputError: an effect, joint, payload or group that does not exist.
-    """
+    """Layout of a set's model with additional effects; InputError for one that does not exist."""
     groups = [group.name for group in measurements.groups]
     wanted = (*measurements.effects, *effects)
     return Layout(

@@ -55,11 +55,7 @@ class CodeTables:
 
 
 def code_tables(identified: IdentifiedRobot) -> CodeTables:
-    """The tables of an identified robot; inertial parameters include the payload.
-
-    Raises:
-        InputError: a joint is neither revolute nor prismatic.
-    """
+    """The tables of an identified robot, payload included; InputError for a joint of another kind."""
     laws = identified.laws
     arrays = _tree(identified.robot)
     gamma = identified.inertial[arrays["JOINT"].values]  # in the order of the bodies

@@ -196,11 +196,7 @@ def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
 
 
 def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) -> FlexibleModel:
-    """The model with a document's parameters.
-
-    Raises:
-        InputError: a parameter is missing, given twice, or belongs to a joint that the set does not have.
-    """
+    """The model with a document's parameters; InputError for one missing, given twice or of no joint."""
     given: dict[str, float] = {}
     for p in document.all_parameters:
         if p.joint is not None and p.joint not in joints:

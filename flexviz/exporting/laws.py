@@ -51,8 +51,7 @@ def laws(
 ) -> Laws:
     """The laws of `model`, with the `bodies` of the set's payload `payload`.
 
-    Raises:
-        InputError: an effect's joint does not exist, or a value is impossible, such as a stiffness of zero.
+    InputError for a joint that does not exist or an impossible value, such as a stiffness of zero.
     """
     n = robot.n
     per_joint = [code for code in CODE.values() if isinstance(code, PerJoint)]
