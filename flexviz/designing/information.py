@@ -18,7 +18,7 @@ import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, build_signals, layout_of
+from flexviz.equation import Chain, Equation, Layout, LinkTerms, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import noise_density, noise_paths, start_values
 from flexviz.measurements import Group, MeasurementSet
@@ -130,7 +130,10 @@ class Columns:
             fresh = [(i, at) for i, at in mine if k == 0 or self.labels[at] in self.contenders[1].own]
             columns[:, :, [at for _, at in fresh]] = found.jacobian[:, :, [i for i, _ in fresh]]
             if self.contenders:
-                columns[:, :, len(self.labels) + k] = self._contribution(point, x, found.link, k)
+                chain = Chain(x[layout.compliance], x[layout.link_viscous], found.link)
+                term = dict(zip(layout.effects, (t for _, t in point.terms(x)), strict=True))[self._added[k]]
+                added = chain.column(term.entry, term.joints, term.value)
+                columns[:, :, len(self.labels) + k] = added
         assert link is not None
         total = np.zeros((self.size, self.size))
         for block in signals.blocks:
@@ -145,13 +148,6 @@ class Columns:
             )
             total += information(columns[rows], density, step)
         return total
-
-    def _contribution(self, point: OperatingPoint, x: Array, link: LinkTerms, k: int) -> Array:
-        """What effect k adds to the residual, shape (N, n) [Nm]."""
-        layout = self._layouts[k]
-        chain = Chain(x[layout.compliance], x[layout.link_viscous], link)
-        term = dict(zip(layout.effects, (t for _, t in point.terms(x)), strict=True))[self._added[k]]
-        return chain.column(term.entry, term.joints, term.value)
 
 
 def _layout(measurements: MeasurementSet, model: FlexibleModel) -> Layout:

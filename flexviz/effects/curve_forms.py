@@ -225,11 +225,6 @@ def _wave(sizes: Array, inner: Array) -> dict[str, float]:
     return {"size": size, "order": float(inner[0]), "phase": phase}
 
 
-def _orders(low: float, high: float) -> tuple[Array, ...]:
-    turn = 2 * np.pi / max(high - low, 1e-9)
-    return (turn * np.arange(LEAST_TURNS, 13.0, 0.25),)
-
-
 def _always(inner: Array, low: float, high: float) -> Array:
     return inner
 
@@ -242,10 +237,6 @@ def _within(inner: Array, low: float, high: float) -> Array:
 def _decaying(inner: Array, low: float, high: float) -> Array:
     least, most = LEAST_DECAY / (high - low), MOST_DECAY / (high - low)
     return np.copysign(np.clip(np.abs(inner), least, most), inner)
-
-
-def _turning(inner: Array, low: float, high: float) -> Array:
-    return np.maximum(inner, 2 * np.pi * LEAST_TURNS * 0.95 / (high - low))
 
 
 FAMILIES: Mapping[str, FormFamily] = {
@@ -274,6 +265,9 @@ FAMILIES: Mapping[str, FormFamily] = {
         lambda s, i: {"size": float(s[0]), "rate": float(i[0])},
     ),
     "sine": FormFamily(
-        lambda x, inner: np.stack((np.sin(inner[0] * x), np.cos(inner[0] * x))), _orders, _turning, _wave
+        lambda x, inner: np.stack((np.sin(inner[0] * x), np.cos(inner[0] * x))),
+        lambda low, high: (2 * np.pi / max(high - low, 1e-9) * np.arange(LEAST_TURNS, 13.0, 0.25),),
+        lambda inner, low, high: np.maximum(inner, 2 * np.pi * LEAST_TURNS * 0.95 / (high - low)),
+        _wave,
     ),
 }

@@ -159,7 +159,10 @@ class OperatingPoint:
                 continue
             if not law.linear:
                 term = self._nonlinear(effect, x[where])
-                out.append((where, self._rescaled(term, x) if law.relative else term))
+                if law.relative:  # to viscous friction, which is that of x
+                    seen, now = (viscous_scale(self.layout, y, term.joints[0])[0] for y in (self.x, x))
+                    term = replace(term, value=now / seen * term.value, slopes=now / seen * term.slopes)
+                out.append((where, term))
                 continue
             if effect not in self._linear:
                 self._linear[effect] = law.terms(self.context, effect.place, x[where])
@@ -177,13 +180,6 @@ class OperatingPoint:
         if kept is None or not np.array_equal(kept[0], values):
             self._last[effect] = kept = values.copy(), law.terms(self.context, effect.place, values)
         return kept[1]
-
-    def _rescaled(self, term: Terms, x: Array) -> Terms:
-        """Terms of an effect that is relative to viscous friction, rescaled to the friction of x."""
-        (joint,) = term.joints
-        seen = viscous_scale(self.layout, self.x, joint)[0]
-        ratio = viscous_scale(self.layout, x, joint)[0] / seen
-        return replace(term, value=ratio * term.value, slopes=ratio * term.slopes)
 
     def motor_side(self, x: Array, terms: PlacedTerms | None = None) -> tuple[Array, Array]:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""

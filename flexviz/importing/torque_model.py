@@ -70,7 +70,10 @@ class TorqueModel:
         self.speed = np.max([np.max(np.abs(motion.v), axis=0) for _, motion in samples], axis=0)
         self.width, self.fastest = likely_limits(robot)
         # (n,) θ per q; 0 where q is not recorded or shows another motion
-        self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
+        pairs = (followed(joint_parts([table for _, table in groups], j, "q")) for j in range(robot.n))
+        self.q_ratio = np.array(
+            [1.0 / slope if slope and share >= LIMITS.same_motion else 0.0 for share, slope in pairs]
+        )
         self.inertia = largest_inertia(robot)
         seconds = sum(float(table.time[-1] - table.time[0]) for _, table in groups)
         try:
@@ -152,12 +155,6 @@ class TorqueModel:
         start = Reading.unchanged(self.robot.n)
         fits = [self.fit_any_scale(replace(start, sign=sign * start.sign)) for sign in (1.0, -1.0)]
         return sum(max(plus.share, minus.share) for plus, minus in zip(*fits, strict=True))
-
-
-def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
-    """θ per q of joint j; 0 where q is not recorded or shows another motion."""
-    share, slope = followed(joint_parts(tables, j, "q"))
-    return 1.0 / slope if slope and share >= LIMITS.same_motion else 0.0
 
 
 def largest_inertia(robot: Robot) -> Array:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz._pinocchio import pin
-from flexviz.errors import InputError, choose_from
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import RobotSettings, load_settings
@@ -182,13 +181,6 @@ PRESETS: dict[str, Callable[[], Plan]] = {
     "planar-2r": planar_2r,
     "panda": panda,
 }
-
-
-def make_preset(name: str, start: str = "rest") -> Plan:
-    """The plan called `name`, starting at rest or moving."""
-    if name not in PRESETS:
-        raise InputError(f'preset "{name}" does not exist; {choose_from(name, PRESETS)}')
-    return replace(PRESETS[name](), start=start)
 
 
 def _plan(

@@ -18,7 +18,7 @@ from flexviz.progress import ProgressCallback, StopCallback, ignore, never, part
 from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.inject import at_temperatures, inject
 from flexviz.simulation.plan import Plan
-from flexviz.simulation.presets import PRESETS, make_preset
+from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.resimulating import plan_from_set
 from flexviz.simulation.run import STARTS, Run
 
@@ -46,14 +46,15 @@ def make_plan(
         raise InputError(f'start "{start}" does not exist; {choose_from(start, STARTS)}')
     name = str(preset_or_set)
     if name in PRESETS:
-        plan = make_preset(name, start)
+        plan = PRESETS[name]()
     elif Path(name).suffix == ".urdf":
-        plan = replace(plan_from_urdf(name), start=start)
+        plan = plan_from_urdf(name)
     elif Path(name).exists():
-        plan = replace(plan_from_set(read_set(name)), start=start)
+        plan = plan_from_set(read_set(name))
     else:
         valid = choose_from(name, PRESETS)
         raise InputError(f'"{name}" is neither a preset nor a measurement set; {valid}')
+    plan = replace(plan, start=start)
     return inject(at_temperatures(plan, temperatures) if temperatures else plan, effects)
 
 
