@@ -50,18 +50,13 @@ class EffectContext:
     ) -> None:
         self._link, self._signals, self._layout = link, signals, layout
         self._shared = shared
-        self._x, self._q, self._s = x.copy(), q, s
+        self._x, self._q, self.s = x.copy(), q, s
         self._bands = bands
         self._motions: dict[int, list[JointMotion]] = {}
         self._at: WideMotions | None = None
         self._used: list[FineSignals] | None = None  # what determines the motions, where s does not
         self._of: EffectContext | None = None  # whose motions effects see
         self._cache: dict[object, Array] = {}
-
-    @property
-    def s(self) -> Array | None:
-        """Transmission torque offered to the effects, shape (N, n) [Nm]."""
-        return self._s
 
     def forget(self) -> None:
         """Discard what can be computed again."""
@@ -84,7 +79,7 @@ class EffectContext:
 
     def take_motions(self, earlier: EffectContext) -> None:
         """Use the motions of an earlier context with the same parameters, where they are the same."""
-        if earlier._motions and self._s is None and self.fine() is earlier._used:
+        if earlier._motions and self.s is None and self.fine() is earlier._used:
             self._motions, self._used = earlier._motions, earlier._used
 
     # -- the protocol ------------------------------------------------------------------------------------
@@ -279,10 +274,10 @@ class EffectContext:
             return self._of.motions(joint)
         if joint not in self._motions:
             fine = self.fine()
-            self._used = None if self._s is not None else fine
+            self._used = None if self.s is not None else fine
             if self._at is None or self._at.fine is not fine:
                 self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
-            self._motions[joint] = self._at.of(joint, self._s)
+            self._motions[joint] = self._at.of(joint, self.s)
         return self._motions[joint]
 
 

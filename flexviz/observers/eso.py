@@ -135,9 +135,6 @@ class CausalEso(_PoleObserver):
             return super()._filtered(y, step, w, orders, stride)
         return self._filter.states(y, step, w, orders)[:, ::stride]
 
-    def disturbance(self, theta: Array, step: float) -> Array:
-        return self._states(theta, step, range(ORDER - 1, ORDER))[0]
-
     def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
         states = self._states(segment.theta, segment.step, range(ORDER))
         tau = self.derivatives(segment.tau, segment.step, 3, delay=torque_hold / 2)
