@@ -75,8 +75,7 @@ class LawEffect(Effect):
             values[free] = coefficients
             return values
 
-        label = ", ".join(f"{self.parameters[k].name} {value:g}" for k, value in fixed.items())
-        return Guess(terms.entry, terms.joints, terms.slopes[free], to_values, label)
+        return Guess(terms.entry, terms.joints, terms.slopes[free], to_values)
 
 
 class LinearEffect(LawEffect):

@@ -149,14 +149,12 @@ class Guess:
         entry, joints: as in `Terms`.
         columns: shape (C, D, N, m).
         to_values: coefficients (C,) → the effect's parameters (P,).
-        label: the fixed parameters, for the log ("order 7").
     """
 
     entry: Entry
     joints: tuple[int, ...]
     columns: Array
     to_values: Callable[[Array], Array]
-    label: str = ""
 
 
 class JointState(NamedTuple):
