@@ -1,7 +1,6 @@
 """The identification equation: signals in, residual and Jacobian out."""
 
-from flexviz.equation.chain import Chain
-from flexviz.equation.elasticity import local_compliance, time_constants
+from flexviz.equation.chain import Chain, local_compliance, time_constants
 from flexviz.equation.layout import INERTIAL_NAMES, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale

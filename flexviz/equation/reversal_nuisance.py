@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
-from flexviz.equation.chain import Chain
-from flexviz.equation.elasticity import local_compliance, time_constants
+from flexviz.equation.chain import Chain, local_compliance, time_constants
 from flexviz.equation.link import LinkTerms
 from flexviz.equation.residual import OperatingPoint
 
