@@ -26,8 +26,7 @@ from flexviz.model import EffectValue
 from flexviz.simulation import Pull, check_effect, laws
 from flexviz.simulation import tilted_gravity as simulated_gravity
 from flexviz.simulation.effect_laws import LAWS
-from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.laws import Dahl
+from flexviz.simulation.laws import Dahl, ElasticJoint
 from flexviz.wording import bounds_text, effect_json, simulated_text
 
 MOTOR_LAWS = (

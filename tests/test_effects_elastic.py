@@ -16,7 +16,7 @@ from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.simulation.elastic import ElasticJoint
+from flexviz.simulation.laws import ElasticJoint
 from tests.planar_arm import of_groups, planar_set
 
 STIFFNESS, COUNT, STEP = 1500.0, 4000, 2e-3

@@ -13,7 +13,7 @@ import numpy as np
 from flexviz.errors import InputError
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import laws
-from flexviz.simulation.elastic import ElasticJoint
+from flexviz.simulation.laws import ElasticJoint
 from flexviz.simulation.plant import Array, Plant
 
 STANDARD_GRAVITY = 9.81  # [m/s²]

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from flexviz.effects import JointState
-from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.laws import CoupledLaw, Dahl, ExtraLaw, LinkLaw, MotorLaw, Pull
+from flexviz.simulation.laws import CoupledLaw, Dahl, ElasticJoint, ExtraLaw, LinkLaw, MotorLaw, Pull
 
 Array = np.ndarray
 
