@@ -14,7 +14,7 @@ from flexviz.simulation.laws import ExtraLaw
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Reference
 from flexviz.simulation.run import Run, simulate_run
-from flexviz.simulation.sensors import Sensors
+from flexviz.simulation.sensors import Seed, Sensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Plan:
         self,
         group: PlannedGroup,
         *,
-        seed: object = None,
+        seed: Seed = None,
         progress: ProgressCallback = ignore,
         should_stop: StopCallback = never,
     ) -> Run:
@@ -105,7 +105,7 @@ class Plan:
             record_step=group.record_step,
             start=self.start,
             sensors=sensors,
-            seed=seed,  # type: ignore[arg-type]
+            seed=seed,
             group=group.name,
             payload_name=group.payload,
             temperature=group.temperature,

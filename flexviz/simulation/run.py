@@ -18,7 +18,7 @@ from flexviz.simulation.laws import ExtraLaw
 from flexviz.simulation.loop import Loop
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
-from flexviz.simulation.sensors import Feedback, Sensors, rounded
+from flexviz.simulation.sensors import Feedback, Seed, Sensors, rounded
 
 STARTS = ("rest", "moving")
 
@@ -49,7 +49,7 @@ class Run:
     torque_hold: float
     note: str = ""
 
-    def measured(self, sensors: Sensors, seed: int | np.random.Generator | None = None) -> Run:
+    def measured(self, sensors: Sensors, seed: Seed = None) -> Run:
         """This run as recorded by `sensors`: θ and τ get noise and resolution, not the torque filter."""
         samples, n = self.theta.shape
         return self.with_noise(sensors, *sensors.noise(samples, n, seed))
@@ -72,7 +72,7 @@ def simulate_run(
     record_step: float | None = None,
     start: str = "rest",
     sensors: Sensors | None = None,
-    seed: int | np.random.Generator | None = None,
+    seed: Seed = None,
     group: str | None = None,
     payload_name: str | None = None,
     temperature: Sequence[float] | None = None,
@@ -108,7 +108,8 @@ def simulate_run(
     smooth = None if controller.torque_filter is None else TorqueFilter(controller.torque_filter, cycle, tau)
     feedback = None
     if sensors is not None and sensors.feedback:
-        feedback = Feedback(sensors.reordered(robot.to_pin, n), len(time), n, cycle, x, seed)
+        start_at = x[n : 2 * n], x[3 * n : 4 * n]
+        feedback = Feedback(sensors.reordered(robot.to_pin, n), len(time), cycle, *start_at, seed)
     loop = Loop(plant, torque_path, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
     hold = cycle

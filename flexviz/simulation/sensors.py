@@ -11,6 +11,8 @@ from scipy.signal import lfilter
 
 from flexviz.simulation.plant import Array
 
+Seed = int | np.random.Generator | None  # of random numbers; None: different ones each time
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -41,13 +43,12 @@ class Sensors:
         values = {k: np.broadcast_to(np.asarray(getattr(self, k), dtype=float), n) for k in names}
         return replace(self, **{k: permute(v) for k, v in values.items()})
 
-    def noise(self, samples: int, n: int, seed: int | np.random.Generator | None) -> tuple[Array, Array]:
+    def noise(self, samples: int, n: int, seed: Seed) -> tuple[Array, Array]:
         """Noise of θ (N, n) [rad] and of τ (N, n) [Nm]."""
         rng = np.random.default_rng(seed)
-        return (
-            rng.standard_normal((samples, n)) * np.asarray(self.theta_noise, dtype=float),
-            rng.standard_normal((samples, n)) * np.asarray(self.torque_noise, dtype=float),
-        )
+        sizes = (np.asarray(size, dtype=float) for size in (self.theta_noise, self.torque_noise))
+        theta, torque = (rng.standard_normal((samples, n)) * size for size in sizes)
+        return theta, torque
 
     def filtered(self, torque: Array, cycle: float) -> Array:
         """The torques (N, n) of all cycles, each held for `cycle` [s], as seen at the start of each cycle.
@@ -73,18 +74,12 @@ class Feedback:
     """Measured position and filtered velocity for the controller."""
 
     def __init__(
-        self,
-        sensors: Sensors,
-        cycles: int,
-        n: int,
-        cycle: float,
-        x: Array,
-        seed: int | np.random.Generator | None,
+        self, sensors: Sensors, cycles: int, cycle: float, theta: Array, speed: Array, seed: Seed
     ) -> None:
         self.sensors = sensors
-        self.noise, self.torque_noise = sensors.noise(cycles, n, seed)
-        self._last = rounded(x[n : 2 * n] + self.noise[0], sensors.resolution)
-        self._speed = x[3 * n : 4 * n].copy()
+        self.noise, self.torque_noise = sensors.noise(cycles, len(theta), seed)
+        self._last = rounded(theta + self.noise[0], sensors.resolution)
+        self._speed = speed.copy()
         self._blend = -np.expm1(-sensors.velocity_filter * cycle)
         self._cycle = cycle
 
