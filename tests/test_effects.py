@@ -23,7 +23,7 @@ from flexviz.effects.terms import JointState, Scope, Where
 from flexviz.effects.trial import TrialMotion, TrialSignal
 from flexviz.equation.reversal_nuisance import undecided
 from flexviz.model import EffectValue
-from flexviz.simulation import Pull, check_effect, laws
+from flexviz.simulation import check_effect, laws
 from flexviz.simulation import tilted_gravity as simulated_gravity
 from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.laws import Dahl, ElasticJoint
@@ -151,17 +151,13 @@ def test_link_law(name: str) -> None:
 def test_presliding_follows_the_simulators_state() -> None:
     law = Dahl(**named("presliding_hysteresis"))
     z, step, torque = 0.0, float(MOTION.time[1]), [0.0]
-
-    def pulled(z: float, speed: float) -> Pull:
-        return law.pull(JointState(0.0, 0.0, speed, 0.0, 0.0, 0.0, [z]))
-
     for time in MOTION.time[:-1]:
         for k in range(20):  # Euler's midpoint rule on a fine grid
             now = time + step * (k + np.array([0.0, 0.5])) / 20
             speed = MOTION.motor.at(now, 2)[1]
-            half = z + 0.5 * step / 20 * pulled(z, float(speed[0])).rates[0]
-            z += step / 20 * pulled(half, float(speed[1])).rates[0]
-        torque.append(pulled(z, 0.0).motor)
+            half = z + 0.5 * step / 20 * law.pull(JointState(0, 0, float(speed[0]), 0, 0, 0, [z])).rates[0]
+            z += step / 20 * law.pull(JointState(0, 0, float(speed[1]), 0, 0, 0, [half])).rates[0]
+        torque.append(law.pull(JointState(0, 0, 0, 0, 0, 0, [z])).motor)
     # at a reversal the path within one sample is not seen: a few thousandths of the friction
     np.testing.assert_allclose(value("presliding_hysteresis"), torque, atol=5e-3 * law.coulomb)
 
