@@ -9,6 +9,12 @@ import numpy as np
 
 from flexviz.errors import InputError
 
+INERTIAL_UNITS = {
+    "mass": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m",
+    "ixx": "kg m²", "ixy": "kg m²", "iyy": "kg m²", "ixz": "kg m²", "iyz": "kg m²", "izz": "kg m²",
+}  # fmt: skip
+"""Name of an inertial parameter -> its unit, in the order of a row of `FlexibleModel.inertial`."""
+
 _ARRAYS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction", "inertial")
 
 

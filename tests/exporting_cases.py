@@ -18,7 +18,7 @@ from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
 from flexviz.results import ResultDocument
 from flexviz.simulation import Plan, inject, make_plan, simulate_plan, write_plan
-from flexviz.simulation.truth import effects, parameters
+from flexviz.simulation.sets import true_effects, true_parameters
 
 Array = NDArray[np.float64]
 SAMPLES = 1024
@@ -42,9 +42,9 @@ def short_set(preset: str, folder: Path) -> MeasurementSet:
 def document(model: FlexibleModel, **more: Any) -> ResultDocument:
     """A model as a result, as if every value had been found."""
     known = {"std": 1e-3, "identifiable": "yes"}
-    values = [p | known for p in parameters(model)]
+    values = [p | known for p in true_parameters(model)]
     return ResultDocument.model_validate(
-        {"format": 1, "set": "made", "parameters": values, "effects": effects(model)} | more
+        {"format": 1, "set": "made", "parameters": values, "effects": true_effects(model)} | more
     )
 
 

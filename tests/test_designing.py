@@ -13,7 +13,7 @@ import pytest
 from flexviz import Design, DesignSettings, design, identify, write_design
 from flexviz.cli import main
 from flexviz.designing.criterion import BestSeparation, LeastErrors
-from flexviz.designing.information import frequencies, information
+from flexviz.designing.information import information
 from flexviz.designing.subject import subject_of
 from flexviz.errors import InputError
 from flexviz.results.diagnosis_summary import candidate_lines
@@ -56,7 +56,7 @@ def test_error_of_one_linear_parameter_is_sigma_over_the_root_of_the_sum_of_squa
     gram = information(phi, white(count, 2, 0.3, 0.05), 0.05)
     least = LeastErrors(np.zeros((1, 1)), np.array([0]), np.array([1.0]))
     assert least.value(gram) == pytest.approx(np.log(0.3 / np.sqrt((phi**2).sum())), abs=1e-9)
-    assert frequencies(count, 0.05)[-1] <= 10.0
+    assert np.fft.rfftfreq(count, 0.05)[-1] <= 10.0
 
 
 def test_gain_is_what_the_other_effect_leaves() -> None:

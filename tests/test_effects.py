@@ -19,15 +19,14 @@ from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
 from flexviz.effects.base_tilt import tilted_gravity
 from flexviz.effects.law import LawEffect
-from flexviz.effects.terms import Scope, Where
+from flexviz.effects.terms import JointState, Scope, Where
 from flexviz.effects.trial import TrialMotion, TrialSignal
 from flexviz.equation.reversal_nuisance import undecided
 from flexviz.model import EffectValue
 from flexviz.simulation import check_effect, laws
 from flexviz.simulation import tilted_gravity as simulated_gravity
 from flexviz.simulation.effect_laws import LAWS
-from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.laws import Dahl
+from flexviz.simulation.laws import Dahl, ElasticJoint
 from flexviz.wording import bounds_text, effect_json, simulated_text
 
 MOTOR_LAWS = (
@@ -156,9 +155,9 @@ def test_presliding_follows_the_simulators_state() -> None:
         for k in range(20):  # Euler's midpoint rule on a fine grid
             now = time + step * (k + np.array([0.0, 0.5])) / 20
             speed = MOTION.motor.at(now, 2)[1]
-            half = z + 0.5 * step / 20 * law.rate(z, float(speed[0]))
-            z += step / 20 * law.rate(half, float(speed[1]))
-        torque.append(law.torque(z))
+            half = z + 0.5 * step / 20 * law.pull(JointState(0, 0, float(speed[0]), 0, 0, 0, [z])).rates[0]
+            z += step / 20 * law.pull(JointState(0, 0, float(speed[1]), 0, 0, 0, [half])).rates[0]
+        torque.append(law.pull(JointState(0, 0, 0, 0, 0, 0, [z])).motor)
     # at a reversal the path within one sample is not seen: a few thousandths of the friction
     np.testing.assert_allclose(value("presliding_hysteresis"), torque, atol=5e-3 * law.coulomb)
 

@@ -10,14 +10,13 @@ import pytest
 
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
-from flexviz.effects.backlash import _largest_within
 from flexviz.effects.elastic_joint import DampedSpring, hardened
 from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.simulation.elastic import ElasticJoint
+from flexviz.simulation.laws import ElasticJoint
 from tests.planar_arm import of_groups, planar_set
 
 STIFFNESS, COUNT, STEP = 1500.0, 4000, 2e-3
@@ -184,11 +183,3 @@ def test_a_torque_that_jumps_over_a_gap_is_on_either_flank(ringing: float) -> No
     u = law("backlash").law(seen, np.array([1e-3]))[0]
     away = np.abs(TIME - 4.0) > 2 * STEP
     np.testing.assert_array_equal(u[away], -1e-3 * np.sign(TIME - 4.0)[away])
-
-
-@pytest.mark.parametrize("reach", [0, 1, 2, 3, 7, 8, 100])
-def test_the_largest_torque_nearby_is_that_of_the_samples_within_reach(reach: int) -> None:
-    for count in (1, 2, 9, 60):
-        values = np.random.default_rng(count).random(count)
-        exact = [values[max(k - reach, 0) : k + reach + 1].max() for k in range(count)]
-        np.testing.assert_array_equal(_largest_within(reach, values), exact)

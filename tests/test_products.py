@@ -38,7 +38,7 @@ def test_pulses_whose_products_are_formed_before_the_filter() -> None:
     unit[3005] = 1.0  # 0.3 ms after `at`, so that the pose has to be taken there
     terms = LinkTerms(*(swinging(fine, size) for size in (40.0, 3.0, 0.5)))
     wide = TWICE.derivatives(unit, step, 3)[:, :, 0]
-    whole = Chain(compliance, np.array([0.1, 0.2]), terms).deflection(wide, joint)
+    whole = Chain(compliance, np.array([0.1, 0.2]), terms).column("deflection", (joint,), -wide[..., None])
     wanted = BAND.derivatives(whole, step, 1, stride=every)[0]
 
     time = fine[::every]
@@ -49,7 +49,9 @@ def test_pulses_whose_products_are_formed_before_the_filter() -> None:
     found = np.einsum("di,dt->ti", factors[:, 0], pulse)
     largest = np.abs(wanted).max()
     np.testing.assert_allclose(found, wanted, atol=0.003 * largest)
-    assert np.abs(chain.deflection(pulse, joint) - wanted).max() > 0.02 * largest  # at each pose
+    assert (
+        np.abs(chain.column("deflection", (joint,), -pulse[..., None]) - wanted).max() > 0.02 * largest
+    )  # at each pose
     closer = np.abs(factors[:, 1] - factors[:, 0])
     assert np.all(closer < 0.01 * np.abs(factors[:, 0]).max(axis=1, keepdims=True))
     np.testing.assert_allclose(own, 2e-3)

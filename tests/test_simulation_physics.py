@@ -12,8 +12,8 @@ from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import Robot
 from flexviz.simulation import PDController, Sinusoid, make_plan, random_fourier, simulate_run
 from flexviz.simulation.building import TorquePath, make_plant
-from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.integrator import stepper
+from flexviz.simulation.laws import ElasticJoint
 from flexviz.simulation.loop import Loop
 from flexviz.simulation.presets import planar_inertial
 

@@ -29,7 +29,7 @@ from flexviz.simulation import (
 )
 from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.presets import PAPER_GROUPS, PLANAR_TRUTH, paper, paper_payloads, planar_inertial
-from flexviz.simulation.truth import truth
+from flexviz.simulation.sets import truth
 
 
 def short(plan: Plan, duration: float = 0.3) -> Plan:

@@ -225,9 +225,9 @@ def test_replay_with_and_without_a_simulation(hidden: Path, tmp_path: Path) -> N
     load_effects(EXAMPLE)
     load_effects(file_with(tmp_path, GOOD))
     measurements = read_set(hidden)
-    from flexviz.simulation.presets import make_preset
+    from flexviz.simulation import PRESETS
 
-    model = make_preset("planar-2r").model
+    model = PRESETS["planar-2r"]().model
     group = measurements.groups[0]
     kept = EffectValue("worm_gear_friction", "joint2", {"forward": 5.0, "backward": 2.5})
     left_out = EffectValue("my_friction", "joint1", {"size": 1.0})

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from flexviz.identification import Identification
 from flexviz.model import FlexibleModel
-from flexviz.simulation.truth import parameters
+from flexviz.simulation.sets import true_parameters
 
 # class of parameter → names in the result
 CLASSES = {
@@ -72,7 +72,7 @@ class Row:
 
 def compare(result: Identification, model: FlexibleModel) -> list[Row]:
     """Every identified quantity that the motion can show, with its truth."""
-    true = {f"{p['name']}:{p['joint']}": float(p["value"]) for p in parameters(model)}
+    true = {f"{p['name']}:{p['joint']}": float(p["value"]) for p in true_parameters(model)}
     rows = [
         Row(
             "inertial",

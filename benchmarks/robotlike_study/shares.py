@@ -40,10 +40,10 @@ def effect_torque(plan: Plan, group: PlannedGroup, run: Run, effect: EffectValue
     if plant.link_laws:
         link_law = plant.link_laws[0][1]
         return np.array([link_law(*row) for row in zip(time, q, q_speed, strict=True)])
-    if plant.extra:
-        return law_torque(plan, run, effect.joint, plant.extra[0][1])
     if plant.presliding:
         return _dahl(run.theta[:, i], effect.parameters)
+    if plant.extra:
+        return law_torque(plan, run, effect.joint, plant.extra[0][1])
     return _through_the_link(plan, payload, run, i, _link_shift(effect, plan, run, i))
 
 

@@ -3,10 +3,9 @@
 from flexviz.designing.motion import Reached
 from flexviz.designing.prediction import PredictedError, predict_errors
 from flexviz.designing.run import Design, DesignedGroup, design
-from flexviz.designing.settings import DesignSettings, LimitTable, read_settings, settings_from
+from flexviz.designing.settings import DesignSettings, LimitTable, settings_from
 from flexviz.designing.subject import Planned
-from flexviz.designing.summary import summary_lines
-from flexviz.designing.writing import design_files, write_design
+from flexviz.designing.writing import design_files, summary_lines, write_design
 
 __all__ = [
     "Design",
@@ -19,7 +18,6 @@ __all__ = [
     "design",
     "design_files",
     "predict_errors",
-    "read_settings",
     "settings_from",
     "summary_lines",
     "write_design",

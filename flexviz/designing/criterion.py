@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import Projection, sandwich
-
-Array = NDArray[np.float64]
 
 DEFAULT_PARAMETERS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 SMALLEST_SCALE = 0.05  # of the largest value with the same name: a parameter near zero has no relative error
@@ -44,18 +43,12 @@ class LeastErrors(Criterion):
     """Relative standard errors of some parameters: their root mean square, or their geometric mean.
 
     The geometric mean is that of the axes of the joint confidence ellipsoid.
-
-    Attributes:
-        prior: shape (P, P).
-        chosen: indices of the parameters.
-        scale: shape (C,), what their standard errors are relative to.
-        geometric: log-det instead of trace.
     """
 
-    prior: Array
-    chosen: NDArray[np.intp]
-    scale: Array
-    geometric: bool = False
+    prior: Array  # (P, P)
+    chosen: NDArray[np.intp]  # indices of the parameters
+    scale: Array  # (C,), what their standard errors are relative to
+    geometric: bool = False  # log-det instead of trace
     unit = "%"
 
     @property
@@ -82,16 +75,11 @@ class BestSeparation(Criterion):
     residual when the rest of the model and the other effect are projected out. The smaller of the two gains
     (either effect may be the true one) is maximised. An effect that is a special case of the other one, as an
     offset is of a spring with a rest angle, cannot win by fitting better: there only the other gain counts.
-
-    Attributes:
-        prior: shape (P, P).
-        own: indices of each effect's parameters.
-        counts: which of the two gains counts.
     """
 
-    prior: Array
-    own: tuple[NDArray[np.intp], NDArray[np.intp]]
-    counts: tuple[bool, bool] = (True, True)
+    prior: Array  # (P, P)
+    own: tuple[NDArray[np.intp], NDArray[np.intp]]  # indices of each effect's parameters
+    counts: tuple[bool, bool] = (True, True)  # which of the two gains counts
     text = "expected gain in log likelihood of the right effect over the wrong one"
     unit = ""
 
@@ -136,14 +124,9 @@ def _root(gram: Array) -> Array:
 def least_errors(
     labels: Sequence[str], x: Array, prior: Array, wanted: Sequence[str], geometric: bool
 ) -> LeastErrors:
-    """Criterion for parameters named `name` (everywhere) or `name:place`.
+    """Criterion for the `wanted` parameters, by `name` (everywhere) or `name:place`, or `DEFAULT_PARAMETERS`.
 
-    Args:
-        labels: of all parameters, "stiffness:joint1".
-        x: shape (P,), their values.
-        prior: shape (P, P).
-        wanted: names; none: stiffness, motor inertia and viscous friction.
-        geometric: log-det instead of trace.
+    `labels` and `x` (P,) are those of all parameters, `prior` is (P, P).
     """
     chosen: dict[int, None] = {}
     names = [label.partition(":")[0] for label in labels]

@@ -15,17 +15,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, build_signals, layout_of
+from flexviz.equation import Chain, Equation, Layout, LinkTerms, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import noise_density, noise_paths, start_values
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.observers import FlatZeroPhase
-
-Array = NDArray[np.float64]
 
 BAND = 6.0  # [Hz] of the Jacobian, as in `--refine`
 SAMPLE_STEP = 1 / (3.6 * BAND)  # [s]
@@ -33,12 +31,9 @@ EDGE = 0.4  # [s] dropped at both ends, as in `--refine`
 
 
 def information(columns: Array, density: Array, step: float) -> Array:
-    """Gram matrix (Q, Q) of columns (N, n, Q) sampled with `step` [s], for noise of `density`.
+    """Gram matrix (Q, Q) of columns (N, n, Q), contiguous in time, sampled with `step` [s].
 
-    Args:
-        columns: contiguous in time.
-        density: shape (N // 2 + 1, n), one-sided, of the residual at the frequencies of the transform.
-        step: [s].
+    `density`: (N // 2 + 1, n), one-sided, of the residual's noise at the frequencies of the transform.
     """
     count = len(columns)
     spectrum = np.fft.rfft(columns, axis=0)
@@ -51,22 +46,12 @@ def information(columns: Array, density: Array, step: float) -> Array:
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 
-def frequencies(count: int, step: float) -> Array:
-    """Frequencies of the transform of `count` samples, shape (count // 2 + 1,) [Hz]."""
-    return np.arange(count // 2 + 1) / (count * step)
-
-
 @dataclass(frozen=True)
 class Contender:
-    """One of two effects to tell apart.
+    """One of two effects to tell apart."""
 
-    Attributes:
-        text: of the effect, "backlash:joint2".
-        own: labels of its parameters.
-    """
-
-    text: str
-    own: tuple[str, ...]
+    text: str  # of the effect, "backlash:joint2"
+    own: tuple[str, ...]  # labels of its parameters
 
 
 class Columns:
@@ -145,12 +130,15 @@ class Columns:
             fresh = [(i, at) for i, at in mine if k == 0 or self.labels[at] in self.contenders[1].own]
             columns[:, :, [at for _, at in fresh]] = found.jacobian[:, :, [i for i, _ in fresh]]
             if self.contenders:
-                columns[:, :, len(self.labels) + k] = self._contribution(point, x, found.link, k)
+                chain = Chain(x[layout.compliance], x[layout.link_viscous], found.link)
+                term = dict(zip(layout.effects, (t for _, t in point.terms(x)), strict=True))[self._added[k]]
+                added = chain.column(term.entry, term.joints, term.value)
+                columns[:, :, len(self.labels) + k] = added
         assert link is not None
         total = np.zeros((self.size, self.size))
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step * block.stride
-            hertz = frequencies(rows.stop - rows.start, step)
+            hertz = np.asarray(np.fft.rfftfreq(rows.stop - rows.start, step), float)
             density = noise_density(
                 noise_paths(self.layout, self._vectors[0], link.rows(rows)),
                 self._noise,
@@ -160,13 +148,6 @@ class Columns:
             )
             total += information(columns[rows], density, step)
         return total
-
-    def _contribution(self, point: OperatingPoint, x: Array, link: LinkTerms, k: int) -> Array:
-        """What effect k adds to the residual, shape (N, n) [Nm]."""
-        layout = self._layouts[k]
-        chain = Chain(x[layout.compliance], x[layout.link_viscous], link)
-        term = dict(zip(layout.effects, (t for _, t in point.terms(x)), strict=True))[self._added[k]]
-        return chain.column(term.entry, term.joints, term.value)
 
 
 def _layout(measurements: MeasurementSet, model: FlexibleModel) -> Layout:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.designing.settings import DesignSettings, Limits
 from flexviz.designing.subject import Planned
 from flexviz.measurements import Group
 from flexviz.robot import Robot
 from flexviz.simulation import Fourier
-
-Array = NDArray[np.float64]
 
 SAMPLES = 400  # instants at which a reference is compared with the joint limits
 LEAST_SHARE = 0.2  # of the largest amplitude within the joint limits
@@ -65,7 +62,30 @@ class MotionSpace:
 
     def used(self, group: Group) -> list[Reached]:
         """What a predicted group, without noise, uses of every limit; the most used first."""
-        return _used_limits(self.robot, self.limits, group)
+        limits, (segment,), q = self.limits, group.segments, group.q
+        assert q is not None
+        theta, step = segment.theta, segment.step
+        velocity = np.gradient(theta, step, axis=0)
+        acceleration = np.gradient(velocity, step, axis=0)
+        middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
+        quantities = {
+            "position": np.maximum(np.abs(theta - middle), np.abs(q - middle)) / half,
+            "velocity": np.abs(velocity) / limits.velocity,
+            "acceleration": np.abs(acceleration) / limits.acceleration,
+            "torque": np.abs(segment.tau) / limits.torque,
+        }
+        out = [
+            Reached(f"{name} of {joint}", float(share))
+            for name, values in quantities.items()
+            for joint, share in zip(self.robot.joints, values.max(axis=0), strict=True)
+        ]
+        if np.isfinite(limits.box).any():
+            every = max(1, len(q) // TOOL_SAMPLES)
+            poses = [self.robot.link_poses(row)[limits.tool] for row in q[::every]]
+            points = np.array([pose[:3, 3] for pose in poses])
+            beyond = np.maximum(limits.box[0] - points, points - limits.box[1])  # [m] negative inside
+            out.append(Reached(f"workspace of {limits.tool}", 1.0 + float(beyond.max())))
+        return sorted(out, key=lambda r: -r.share)
 
 
 def shrunk(planned: Planned, share: float) -> Planned:
@@ -86,34 +106,3 @@ class Reached:
 
     limit: str
     share: float
-
-
-def _used_limits(robot: Robot, limits: Limits, group: Group) -> list[Reached]:
-    (segment,), q = group.segments, group.q
-    assert q is not None
-    theta, step = segment.theta, segment.step
-    velocity = np.gradient(theta, step, axis=0)
-    acceleration = np.gradient(velocity, step, axis=0)
-    middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
-    quantities = {
-        "position": np.maximum(np.abs(theta - middle), np.abs(q - middle)) / half,
-        "velocity": np.abs(velocity) / limits.velocity,
-        "acceleration": np.abs(acceleration) / limits.acceleration,
-        "torque": np.abs(segment.tau) / limits.torque,
-    }
-    out = [
-        Reached(f"{name} of {joint}", float(share))
-        for name, values in quantities.items()
-        for joint, share in zip(robot.joints, values.max(axis=0), strict=True)
-    ]
-    if limits.in_space:
-        out.append(Reached(f"workspace of {limits.tool}", _space_share(robot, limits, q)))
-    return sorted(out, key=lambda r: -r.share)
-
-
-def _space_share(robot: Robot, limits: Limits, q: Array) -> float:
-    """1 plus the largest distance of the tool from its box [m] (negative inside)."""
-    every = max(1, len(q) // TOOL_SAMPLES)
-    places: Sequence[Array] = [robot.link_poses(row)[limits.tool][:3, 3] for row in q[::every]]
-    points = np.array(places)
-    return 1.0 + float(np.maximum(limits.box[0] - points, points - limits.box[1]).max())

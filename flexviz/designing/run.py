@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from flexviz.arrays import Array
 from flexviz.designing.criterion import BestSeparation, Criterion, least_errors
 from flexviz.designing.information import Columns
 from flexviz.designing.motion import MotionSpace, Reached, shrunk
@@ -18,22 +18,16 @@ from flexviz.designing.prediction import PredictedError, predict_errors
 from flexviz.designing.search import GroupSearch
 from flexviz.designing.settings import DesignSettings, check_band, choose_payloads, limits_of
 from flexviz.designing.subject import Planned, Subject, subject_of
-from flexviz.errors import InputError
+from flexviz.errors import Cancelled, InputError
 from flexviz.measurements import MeasurementSet
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.simulation import Plan
-
-Array = NDArray[np.float64]
 
 STEP = 0.02  # [s] of predicted motions in the search
 STEP_WITH_EFFECTS = 0.004  # … where effects need the reversals of the velocity
 FINE_STEP = 0.002  # [s] at which the limits of the result are checked
 FINE_SHRINK, MOST_FINE_SHRINKS = 0.98, 40
 NOISE_SEED = 1  # of the predicted record of which the errors are computed
-
-
-class _Stop(Exception):
-    """The user asked to stop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +93,8 @@ def design(
     beside: bool | None = None,
     seed: int = 0,
     settings_file: str | Path | None = None,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Design:
     """Choose trajectory–payload groups within the robot's limits.
 
@@ -149,18 +143,21 @@ class _Work:
     parameters: tuple[str, ...]
     beside: bool
     seed: int
-    progress: ProgressCallback | None
-    should_stop: StopCallback | None
+    progress: ProgressCallback
+    should_stop: StopCallback
 
     def run(self) -> Design:
         subject, settings = self.subject, self.space.settings
         recorded = subject.recorded if self.beside else None
-        example = self._example()
+        # random motions, from which identification would take its prior
+        rng = np.random.default_rng(self.seed)
+        planned = [self.space.planned(rng.random(self.space.size), f"d{k}") for k in range(2)]
+        example = subject.predicted(planned, STEP)
         columns = Columns(example, subject.models, subject.noise, subject.step)
         known = np.zeros((columns.size, columns.size))
         if recorded is not None:
             known = columns.gram(recorded, recorded.fit_groups)
-        criterion = self._criterion(columns, columns.prior(recorded or example))
+        criterion = self._criterion(columns, columns.prior(recorded or example), example)
         slow = not any(model.effects for model in subject.models)
         step = STEP if slow else STEP_WITH_EFFECTS
         total = settings.passes * settings.groups * settings.evaluations
@@ -172,23 +169,16 @@ class _Work:
             for _ in range(settings.passes):
                 for k in range(settings.groups):
                     search.improve(k, settings.evaluations)
-        except _Stop:
+        except Cancelled:
             stopped = True
         return self._result(search, columns, before, recorded, stopped)
 
-    def _example(self) -> MeasurementSet:
-        """A set of random motions, from which identification would take its prior."""
-        rng = np.random.default_rng(self.seed)
-        planned = [self.space.planned(rng.random(self.space.size), f"d{k}") for k in range(2)]
-        return self.subject.predicted(planned, STEP)
-
-    def _criterion(self, columns: Columns, prior: Array) -> Criterion:
+    def _criterion(self, columns: Columns, prior: Array, example: MeasurementSet) -> Criterion:
         if columns.contenders:
             first, second = (
                 np.array([columns.labels.index(label) for label in one.own], int)
                 for one in columns.contenders
             )
-            example = self._example()
             gram = columns.gram(example, example.fit_groups)
             return BestSeparation(prior, (first, second)).without_special_case(gram)
         geometric = self.space.settings.criterion == "log-det"
@@ -206,8 +196,7 @@ class _Work:
         groups = [self._within(trial.planned) for trial in search.groups]
         record = subject.predicted([g.planned for g in groups], subject.step, NOISE_SEED)
         errors = predict_errors(record, subject.model)
-        gains: tuple[float, ...] = ()
-        recorded_gains: tuple[float, ...] = ()
+        gains = recorded_gains = ()
         if isinstance(criterion, BestSeparation):
             gains = criterion.gains(known + sum(t.gram for t in search.groups))
             recorded_gains = criterion.gains(known) if recorded is not None else ()
@@ -245,17 +234,16 @@ class _Work:
 
 @dataclass
 class _Teller:
-    """Progress of the search; raises `_Stop` when asked to stop, unless `patient`."""
+    """Progress of the search; raises `Cancelled` when asked to stop, unless `patient`."""
 
     total: int
     criterion: Criterion
-    progress: ProgressCallback | None
-    should_stop: StopCallback | None
+    progress: ProgressCallback
+    should_stop: StopCallback
     patient: bool = True
 
     def __call__(self, done: int, value: float) -> None:
-        if self.progress is not None:
-            shown = f", {self.criterion.shown(value):.3g} {self.criterion.unit}" if np.isfinite(value) else ""
-            self.progress(Progress(f"designing{shown}".rstrip(), min(done / self.total, 1.0)))
-        if self.should_stop is not None and self.should_stop() and not self.patient:
-            raise _Stop
+        shown = f", {self.criterion.shown(value):.3g} {self.criterion.unit}" if np.isfinite(value) else ""
+        self.progress(Progress(f"designing{shown}".rstrip(), min(done / self.total, 1.0)))
+        if self.should_stop() and not self.patient:
+            raise Cancelled

@@ -10,16 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
+from flexviz.arrays import Array
 from flexviz.designing.criterion import Criterion
 from flexviz.designing.motion import MotionSpace, shrunk
 from flexviz.designing.subject import Planned, Subject
 from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet
 
-Array = NDArray[np.float64]
 Gram = Callable[[MeasurementSet, list[Group]], Array]
 
 POPULATION = 24
@@ -39,26 +38,16 @@ class Trial:
 
 @dataclass
 class GroupSearch:
-    """The search; `groups` is the best design so far.
+    """The search; `groups` is the best design so far."""
 
-    Attributes:
-        subject: the robot.
-        space: motions to choose from.
-        gram: information of groups.
-        criterion: to be minimised.
-        known: information of groups that are recorded already, (Q, Q).
-        step: of the predicted motions [s].
-        seed: of the random numbers.
-        tell: called with the evaluations done and the best value; may raise to stop.
-    """
-
-    subject: Subject
-    space: MotionSpace
-    gram: Gram
-    criterion: Criterion
-    known: Array
-    step: float
-    seed: int
+    subject: Subject  # the robot
+    space: MotionSpace  # motions to choose from
+    gram: Gram  # information of groups
+    criterion: Criterion  # to be minimised
+    known: Array  # information of groups that are recorded already, (Q, Q)
+    step: float  # of the predicted motions [s]
+    seed: int  # of the random numbers
+    # called with the evaluations done and the best value; may raise to stop
     tell: Callable[[int, float], None]
     groups: list[Trial] = field(default_factory=list)
     evaluations: int = 0
@@ -82,7 +71,7 @@ class GroupSearch:
         name = self.groups[k].planned.name
 
         def cost(u: Array) -> float:
-            trial = self.trial(u, name)
+            trial = self._evaluated(u, self.space.planned(u, name))
             if trial.excess > 0:
                 return FORBIDDEN + trial.excess
             value = self.criterion.value(others + trial.gram)
@@ -106,10 +95,6 @@ class GroupSearch:
             polish=False,
             rng=rng,
         )
-
-    def trial(self, u: Array, name: str) -> Trial:
-        """Evaluate a point."""
-        return self._evaluated(u, self.space.planned(u, name))
 
     def _evaluated(self, u: Array, planned: Planned) -> Trial:
         self.evaluations += 1

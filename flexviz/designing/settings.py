@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from flexviz import toml
+from flexviz.arrays import Array
 from flexviz.errors import InputError, choose_from
 from flexviz.robot import Robot
 from flexviz.schemas import Number, Positive, StrictTable, Text, input_error, validate
 
-Array = NDArray[np.float64]
 PerJoint = Annotated[list[Positive], Field(min_length=1)]
 
 FORMAT = 1
@@ -70,17 +69,14 @@ class DesignSettings(StrictTable):
             raise input_error(error, values, Path("design settings"), DesignSettings) from None
 
 
-def read_settings(file: str | Path) -> DesignSettings:
-    """Settings from a TOML file."""
-    path = Path(file)
-    return validate(DesignSettings, toml.read(path), path, FORMAT)
-
-
 def settings_from(
     file: str | Path | None, given: Mapping[str, Any], floor: float | None = None
 ) -> DesignSettings:
     """Settings from a file, if there is one, with the values in `given` that are not None."""
-    values = {} if file is None else read_settings(file).model_dump(exclude_unset=True)
+    values = {}
+    if file is not None:
+        read = validate(DesignSettings, toml.read(Path(file)), Path(file), FORMAT)
+        values = read.model_dump(exclude_unset=True)
     values |= {name: value for name, value in given.items() if value is not None}
     if floor is not None:
         values["limits"] = {**values.get("limits", {}), "floor": floor}
@@ -89,46 +85,35 @@ def settings_from(
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits of a robot's motion; infinite where there is none.
+    """Limits of a robot's motion; infinite where there is none."""
 
-    Attributes:
-        lower, upper: shape (n,), position of motor and link [rad].
-        velocity, acceleration: shape (n,), of the motor [rad/s], [rad/s²].
-        torque: shape (n,), of the motor [Nm].
-        tool: link that the box holds for.
-        box: shape (2, 3), least and largest position of the tool [m].
-    """
-
+    # lower, upper: (n,), position of motor and link [rad]
     lower: Array
     upper: Array
+    # velocity, acceleration: (n,), of the motor [rad/s], [rad/s²]
     velocity: Array
     acceleration: Array
-    torque: Array
-    tool: str
-    box: Array
-
-    @property
-    def in_space(self) -> bool:
-        """Whether the tool's position is limited."""
-        return bool(np.isfinite(self.box).any())
+    torque: Array  # (n,), of the motor [Nm]
+    tool: str  # link that the box holds for
+    box: Array  # (2, 3), least and largest position of the tool [m]
 
 
 def limits_of(robot: Robot, table: LimitTable, file: str | Path | None = None) -> Limits:
     """The limits of `table`, completed from the URDF; `file` is what errors call the settings."""
 
-    def given(name: str) -> Array | None:
+    def given(name: str, default: Array | float) -> Array:
         values = getattr(table, name)
         if values is not None and len(values) != robot.n:
             expected = f"expected {robot.n}, one per joint: {', '.join(robot.joints)}"
             raise InputError(f"{len(values)} values, {expected}", file=file, place=f"limits.{name}")
-        return None if values is None else np.array(values, float)
+        return np.broadcast_to(np.asarray(default if values is None else values, float), robot.n)
 
     low, high = np.array(robot.lower_limit), np.array(robot.upper_limit)
     free = ~np.isfinite(high - low) | (high - low > WIDEST_RANGE) | (high <= low)
     margin = np.minimum(URDF_MARGIN, 0.1 * np.where(free, 1.0, high - low))
     low = np.where(free, -UNLIMITED_REACH, low + margin)
     high = np.where(free, UNLIMITED_REACH, high - margin)
-    lower, upper = _or(given("lower"), low), _or(given("upper"), high)
+    lower, upper = given("lower", low), given("upper", high)
     for joint, a, b in zip(robot.joints, lower, upper, strict=True):
         if not a < b:
             message = f'joint "{joint}" has {a:g} to {b:g} rad, expected lower < upper'
@@ -149,10 +134,8 @@ def limits_of(robot: Robot, table: LimitTable, file: str | Path | None = None) -
     if not np.all(box[0] < box[1]):
         message = f"found {box[0].tolist()} to {box[1].tolist()}, expected lower < upper"
         raise InputError(message, file=file, place="limits.box_upper")
-    velocity, acceleration = _or(given("velocity"), speed), _or(given("acceleration"), np.inf)
-    torque = _or(given("torque"), effort)
-    broadcast = np.broadcast_to(acceleration, (robot.n,))
-    return Limits(lower, upper, velocity, np.array(broadcast), torque, tool, box)
+    velocity, acceleration = given("velocity", speed), given("acceleration", np.inf)
+    return Limits(lower, upper, velocity, acceleration, given("torque", effort), tool, box)
 
 
 def check_band(settings: DesignSettings, file: str | Path | None = None) -> None:
@@ -173,7 +156,3 @@ def choose_payloads(
             message = f'payload "{name}" is not defined; {choose_from(name, names)}'
             raise InputError(message, file=file, place="payloads")
     return tuple(settings.payloads or names)
-
-
-def _or(values: Array | None, default: Array | float) -> Array:
-    return np.asarray(default if values is None else values, float)

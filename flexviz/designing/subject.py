@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import Cancelled, InputError
 from flexviz.identification import identify
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
-from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import PDController, Plan, Reference, follow, inject, make_plan, plan_from_set
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,26 +31,17 @@ class Planned:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A robot to design experiments for.
+    """A robot to design experiments for."""
 
-    Attributes:
-        name, robot: of the set, the preset or the URDF.
-        models: the model; or two that differ in one effect, to be told apart.
-        payloads: name → bodies.
-        controller: that follows the references.
-        noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
-        step: of the raw samples [s].
-        recorded: the groups recorded so far; None without.
-    """
-
+    # name, robot: of the set, the preset or the URDF
     name: str
     robot: Robot
-    models: tuple[FlexibleModel, ...]
-    payloads: dict[str, tuple[PayloadBody, ...]]
-    controller: PDController
-    noise: tuple[Array, Array]
-    step: float
-    recorded: MeasurementSet | None = None
+    models: tuple[FlexibleModel, ...]  # the model; or two that differ in one effect, to be told apart
+    payloads: dict[str, tuple[PayloadBody, ...]]  # name → bodies
+    controller: PDController  # that follows the references
+    noise: tuple[Array, Array]  # standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each
+    step: float  # of the raw samples [s]
+    recorded: MeasurementSet | None = None  # the groups recorded so far; None without
 
     @property
     def model(self) -> FlexibleModel:
@@ -84,10 +73,6 @@ class Subject:
             segment = Segment(time, theta, tau, step)
             name, file = planned.name, Path(planned.name)
             made.append(Group(name, name, planned.payload, bodies, False, file, (segment,), time, q=run.q))
-        return self.measurement_set(made)
-
-    def measurement_set(self, groups: Sequence[Group]) -> MeasurementSet:
-        """A set in memory with these groups and this robot."""
         return MeasurementSet(
             path=Path(self.name),
             name=self.name,
@@ -100,7 +85,7 @@ class Subject:
             kd=None,
             effects=(),
             payloads=self.payloads,
-            groups=tuple(groups),
+            groups=tuple(made),
         )
 
 
@@ -109,8 +94,8 @@ def subject_of(
     effects: Iterable[str] = (),
     separate: Sequence[str] = (),
     *,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Subject:
     """The subject of a measurement set (identified first), a preset, a URDF, or a plan.
 
@@ -118,8 +103,6 @@ def subject_of(
         source: the set (or its folder), the name of a preset, a `.urdf`, or a plan.
         effects: further effects of its model.
         separate: two effects to tell apart; each is fitted to the set, or has its typical size without one.
-        progress: called during the fits.
-        should_stop: asked during the fits.
     """
     wanted = tuple(effects)
     if isinstance(source, str | Path) and Path(source).exists() and Path(source).suffix != ".urdf":
@@ -141,14 +124,14 @@ def subject_of(
 def _of_set(
     measurements: MeasurementSet,
     variants: Sequence[Sequence[str]],
-    progress: ProgressCallback | None,
-    should_stop: StopCallback | None,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> Subject:
     """The subject with the models identified from its set."""
     models = []
     for variant in variants:
         found = identify(measurements, effects=variant, progress=progress, should_stop=should_stop)
-        if should_stop is not None and should_stop():
+        if should_stop():
             raise Cancelled
         if not np.isfinite(found.covariance).all() or not all(np.isfinite(p.value) for p in found.parameters):
             raise InputError(

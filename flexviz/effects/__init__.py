@@ -4,11 +4,10 @@ from flexviz.effects.curve_forms import CurveForm, curve_points, simple_form
 from flexviz.effects.decoys import DECOYS
 from flexviz.effects.effect import Effect, EffectEvidence, HiddenStart, JointScale
 from flexviz.effects.effect_draft import draft_effect
-from flexviz.effects.families import EFFECT_FAMILIES, family_of
 from flexviz.effects.free_curve import CURVES, FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
-from flexviz.effects.names import EFFECT_NAMES, is_user_defined, known_names
+from flexviz.effects.names import EFFECT_FAMILIES, EFFECT_NAMES, family_of, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
 from flexviz.effects.selection import ChosenEffect, choose_effects, named_effect
 from flexviz.effects.terms import (

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects.effect import EffectEvidence, HiddenStart, JointScale
+from flexviz._scipy import sp
+from flexviz.effects.effect import HiddenStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
@@ -14,15 +15,12 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 # on a flank. For simulated gaps of 13 joints, other values explain less at the true parameters.
 IDLE_SHARE, LOADED_SHARE, RINGING_TIME, FAINT_SHARE = 0.06, 0.12, 0.06, 0.01  # [], [], [s], []
 START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: initial gaps of a search
-MIN_REVERSED_SHARE = 0.005  # of the samples with reversed load; with fewer a gap is only an offset
 # Smallest share of the compliance that a start keeps beside a gap. Verdicts and values of three two-joint
 # sets (backlash, hardening, ripple) agree to 1e-9 for 0.1, 0.2 and 0.4.
 LEAST_COMPLIANCE = 0.2
 
 
 class Backlash(LawEffect):
-    """Play between the teeth: within the gap no torque is transmitted."""
-
     name = "backlash"
     title = "Backlash"
     where = "joint"
@@ -49,11 +47,6 @@ class Backlash(LawEffect):
         idle = ~_above(IDLE_SHARE, motion)
         return idle, np.full(len(idle), 2 * abs(float(values[0])))
 
-    def only_an_offset(self, evidence: EffectEvidence) -> bool:
-        """True for a joint whose load never changes sign: it never crosses the gap."""
-        torque = evidence.torque
-        return min(float((torque > 0).mean()), float((torque < 0).mean())) < MIN_REVERSED_SHARE
-
     def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
         """Several gaps b, each with b E|s| / E s² less compliance; the last ends at the rough one."""
         lever = float(np.mean(np.abs(torque)) / np.mean(torque**2))
@@ -72,16 +65,8 @@ class Backlash(LawEffect):
 def _above(share: float, motion: JointMotion) -> NDArray[np.bool_]:
     """Samples whose torque exceeds this share of the largest one near by, shape (N,)."""
     size = np.abs(motion.torque)
-    around = _largest_within(round(RINGING_TIME / motion.step), size)
+    around = sp.ndimage.maximum_filter1d(size, 2 * round(RINGING_TIME / motion.step) + 1, mode="nearest")
     return np.asarray(size > np.maximum(share * around + FAINT_SHARE * motion.torque_scale, 1e-9))
-
-
-def _largest_within(reach: int, values: Array) -> Array:
-    """Largest of the values up to `reach` samples away, shape (N,)."""
-    largest, span = np.pad(values, reach, mode="edge"), 1  # over `span` samples from each one on
-    while span <= reach:
-        largest, span = np.maximum(largest[:-span], largest[span:]), 2 * span
-    return np.maximum(largest[: len(values)], largest[2 * reach + 1 - span :])
 
 
 def _flank(motion: JointMotion, half_width: float) -> Array:

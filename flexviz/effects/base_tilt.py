@@ -11,8 +11,6 @@ GRAVITY = 9.81  # [m/s²]
 
 
 class BaseTilt(Effect):
-    """The robot does not stand level."""
-
     name = "base_tilt"
     title = "Base tilt"
     where = "load"
@@ -26,8 +24,8 @@ class BaseTilt(Effect):
     )
     size_at = (0, 1)
     parameters = (
-        ParameterSpec("tilt_x", "rad", lower=-0.6, upper=0.6, explanation="about the base's x"),
-        ParameterSpec("tilt_y", "rad", lower=-0.6, upper=0.6, explanation="about the base's y"),
+        ParameterSpec("tilt_x", "rad", -0.6, 0.6, "about the base's x"),
+        ParameterSpec("tilt_y", "rad", -0.6, 0.6, "about the base's y"),
     )
     scope = "set"
     state = True

@@ -9,8 +9,6 @@ from flexviz.effects.terms import Array, Context, EffectTarget, Guess, Parameter
 
 
 class CableSpring(Effect):
-    """Spring torque of cables, hoses or a balancer towards a rest angle."""
-
     name = "cable_spring"
     title = "Cable spring"
     where = "link"

@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.friction import ARMSTRONG, SLIDING
 from flexviz.effects.law import LinearEffect
-from flexviz.effects.terms import Array, JointMotion, smooth_sign
+from flexviz.effects.terms import ARMSTRONG, SLIDING, Array, JointMotion, smooth_sign
 
 
 class CoulombFriction(LinearEffect):
-    """Dry friction between motor and gear: a constant torque against the motor's motion."""
-
     name = "coulomb_friction"
     title = "Coulomb friction"
     where = "motor"

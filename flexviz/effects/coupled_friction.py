@@ -11,8 +11,6 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class CoupledFriction(Effect):
-    """Friction of a motor that turns with the sum of two joints' velocities."""
-
     name = "coupled_friction"
     title = "Coupled friction"
     where = "motor"

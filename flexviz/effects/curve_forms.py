@@ -36,21 +36,15 @@ DIRECTIONS: Mapping[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Points of a curve, shape (N,) each.
+    """Points of a curve, shape (N,) each."""
 
-    Attributes:
-        x: the variable; of velocity the speed.
-        backward: whether the point belongs to backward motion.
-        torque, weight: [Nm], [1/Nm].
-        each_way: the curve depends on the direction.
-        viscous: what is proportional to the velocity does not count: the model's viscous friction takes it.
-    """
-
-    x: Array
-    backward: Array
+    x: Array  # the variable; of velocity the speed
+    backward: Array  # whether the point belongs to backward motion
+    # torque, weight: [Nm], [1/Nm]
     torque: Array
     weight: Array
-    each_way: bool
+    each_way: bool  # the curve depends on the direction
+    # what is proportional to the velocity does not count: the model's viscous friction takes it
     viscous: bool
 
     def counted(self, weighted: Array) -> Array:
@@ -141,18 +135,15 @@ def simple_form(points: CurvePoints, variable: str, unit: str) -> CurveForm | No
 
 @dataclass(frozen=True)
 class FormFamily:
-    """Curves of one kind, with I nonlinear parameters.
+    """Curves of one kind, with I nonlinear parameters."""
 
-    Attributes:
-        basis: x (N,) and nonlinear parameters (I, G, 1) → rows (K, G, N), whose sizes are free.
-        grid: lowest and highest x → values to try of each nonlinear parameter.
-        possible: nonlinear parameters (I, G), lowest and highest x → the nearest ones that make sense.
-        named: sizes (K,) and nonlinear parameters (I,) → the parameters by name.
-    """
-
+    # x (N,) and nonlinear parameters (I, G, 1) → rows (K, G, N), whose sizes are free
     basis: Callable[[Array, Array], Array]
+    # lowest and highest x → values to try of each nonlinear parameter
     grid: Callable[[float, float], tuple[Array, ...]]
+    # nonlinear parameters (I, G), lowest and highest x → the nearest ones that make sense
     possible: Callable[[Array, float, float], Array]
+    # sizes (K,) and nonlinear parameters (I,) → the parameters by name
     named: Callable[[Array, Array], dict[str, float]]
 
     def fit(
@@ -234,11 +225,6 @@ def _wave(sizes: Array, inner: Array) -> dict[str, float]:
     return {"size": size, "order": float(inner[0]), "phase": phase}
 
 
-def _orders(low: float, high: float) -> tuple[Array, ...]:
-    turn = 2 * np.pi / max(high - low, 1e-9)
-    return (turn * np.arange(LEAST_TURNS, 13.0, 0.25),)
-
-
 def _always(inner: Array, low: float, high: float) -> Array:
     return inner
 
@@ -251,10 +237,6 @@ def _within(inner: Array, low: float, high: float) -> Array:
 def _decaying(inner: Array, low: float, high: float) -> Array:
     least, most = LEAST_DECAY / (high - low), MOST_DECAY / (high - low)
     return np.copysign(np.clip(np.abs(inner), least, most), inner)
-
-
-def _turning(inner: Array, low: float, high: float) -> Array:
-    return np.maximum(inner, 2 * np.pi * LEAST_TURNS * 0.95 / (high - low))
 
 
 FAMILIES: Mapping[str, FormFamily] = {
@@ -284,8 +266,8 @@ FAMILIES: Mapping[str, FormFamily] = {
     ),
     "sine": FormFamily(
         lambda x, inner: np.stack((np.sin(inner[0] * x), np.cos(inner[0] * x))),
-        _orders,
-        _turning,
+        lambda low, high: (2 * np.pi / max(high - low, 1e-9) * np.arange(LEAST_TURNS, 13.0, 0.25),),
+        lambda inner, low, high: np.maximum(inner, 2 * np.pi * LEAST_TURNS * 0.95 / (high - low)),
         _wave,
     ),
 }

@@ -8,12 +8,11 @@ and are never part of a model otherwise.
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
 
 import numpy as np
 
 from flexviz.effects.effect import Effect
-from flexviz.effects.terms import Array, Context, EffectTarget, JointMotion, ParameterSpec, Terms, smooth_sign
+from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms, smooth_sign
 
 SHIFTED_BY = 3  # part of a stretch
 
@@ -30,33 +29,31 @@ class Decoy(Effect):
     )
     equation = "u = f sign(w), w a velocity of another joint or time"
     linear = True
-    decoy: ClassVar[bool] = True
+    shift = 0  # of the joint, on the way round
     parameters = (ParameterSpec("coulomb", "Nm", explanation="size", symbol="f"),)
 
     @abstractmethod
-    def velocities(self, context: Context, joint: int) -> list[Array]:
-        """The wrong velocity in every stretch, shape (N,) each."""
+    def wrong(self, velocities: list[Array]) -> list[Array]:
+        """The wrong velocity in every stretch, shape (N,) each, from those of joint + `shift`."""
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         joint = place.own_joint
-        parts = [smooth_sign(v)[None] for v in self.velocities(context, joint)]
+        motions = context.motions((joint + self.shift) % context.joints())
+        parts = [smooth_sign(v)[None] for v in self.wrong([motion.velocity for motion in motions])]
         slopes = context.filtered(parts, joint, 3)[..., None]
         return Terms("torque", (joint,), values[0] * slopes[0], slopes)
 
 
-def _of(context: Context, joint: int) -> list[JointMotion]:
-    return list(context.motions(joint))
-
-
 class OtherJoint(Decoy):
-    """Of another joint: the first but one on the way round."""
+    """Of another joint: the next one on the way round."""
 
     name = "decoy_other_joint"
     title = "Decoy: another joint's friction"
     fewest_joints = 2
+    shift = 1
 
-    def velocities(self, context: Context, joint: int) -> list[Array]:
-        return [motion.velocity for motion in _of(context, (joint + 1) % context.joints())]
+    def wrong(self, velocities: list[Array]) -> list[Array]:
+        return velocities
 
 
 class OtherTime(Decoy):
@@ -65,8 +62,8 @@ class OtherTime(Decoy):
     name = "decoy_other_time"
     title = "Decoy: friction at another time"
 
-    def velocities(self, context: Context, joint: int) -> list[Array]:
-        return [np.roll(m.velocity, len(m.velocity) // SHIFTED_BY) for m in _of(context, joint)]
+    def wrong(self, velocities: list[Array]) -> list[Array]:
+        return [np.roll(v, len(v) // SHIFTED_BY) for v in velocities]
 
 
 class ReversedTime(Decoy):
@@ -75,8 +72,8 @@ class ReversedTime(Decoy):
     name = "decoy_reversed"
     title = "Decoy: friction in reversed time"
 
-    def velocities(self, context: Context, joint: int) -> list[Array]:
-        return [motion.velocity[::-1] for motion in _of(context, joint)]
+    def wrong(self, velocities: list[Array]) -> list[Array]:
+        return [v[::-1] for v in velocities]
 
 
 class OtherRun(Decoy):
@@ -85,10 +82,9 @@ class OtherRun(Decoy):
     name = "decoy_other_run"
     title = "Decoy: another run's friction"
 
-    def velocities(self, context: Context, joint: int) -> list[Array]:
-        all_of_it = [motion.velocity for motion in _of(context, joint)]
-        others = [*all_of_it[1:], np.roll(all_of_it[0][::-1], len(all_of_it[0]) // 2)]
-        return [np.resize(other, len(own)) for own, other in zip(all_of_it, others, strict=True)]
+    def wrong(self, velocities: list[Array]) -> list[Array]:
+        others = [*velocities[1:], np.roll(velocities[0][::-1], len(velocities[0]) // 2)]
+        return [np.resize(other, len(own)) for own, other in zip(velocities, others, strict=True)]
 
 
 DECOYS: dict[str, Decoy] = {one.name: one for one in (OtherJoint(), OtherTime(), ReversedTime(), OtherRun())}

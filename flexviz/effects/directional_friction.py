@@ -10,8 +10,6 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
 
 class DirectionalFriction(LinearEffect):
-    """Viscous friction of different size in the two directions."""
-
     name = "directional_friction"
     title = "Directional friction"
     where = "motor"

@@ -103,11 +103,9 @@ class Effect(ABC):
         hidden_state: no encoder measures its state, so that even a good fit leaves a larger residual.
         abrupt: u jumps in position, of which a narrow filter leaves too little to tell it from compliance.
         damps_deflection: it low-passes the path from joint torque to deflection, including sensor noise.
-        flexible: it can imitate unknown position effects (ripples of free order).
         relative: u is proportional to `motion.motor_viscous`, so that it changes with f_mv.
         memory: u depends on the time before the record.
         by_temperature: u depends on the temperature of the runs, which their groups have to state.
-        optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
         instead_of: an effect of the same joint for which it may be mistaken; the better one is kept.
         only_among_many: a search for single effects leaves it out.
@@ -143,11 +141,9 @@ class Effect(ABC):
     hidden_state: ClassVar[bool] = False
     abrupt: ClassVar[bool] = False
     damps_deflection: ClassVar[bool] = False
-    flexible: ClassVar[bool] = False
     relative: ClassVar[bool] = False
     memory: ClassVar[bool] = False
     by_temperature: ClassVar[bool] = False
-    optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
     instead_of: ClassVar[str | None] = None
     only_among_many: ClassVar[bool] = False
@@ -160,6 +156,9 @@ class Effect(ABC):
     offset_parameter: ClassVar[str | None] = None
     expected: ClassVar[Mapping[str, float]] = {}
     example: ClassVar[tuple[float, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        cls.__doc__ = cls.__doc__ or getattr(cls, "explanation", None)
 
     @property
     def units(self) -> dict[str, str]:
@@ -213,21 +212,15 @@ class Effect(ABC):
 
     def at_bound(self, values: Array) -> bool:
         """Whether a parameter ended at a bound: a gain of −80 % is a diverged search, not a finding."""
-        edges = [
-            (value, edge)
+        return any(
+            edge and np.isfinite(edge) and abs(value - edge) <= 1e-6 * abs(edge)
             for value, p in zip(values, self.parameters, strict=True)
             for edge in (0.0 if p.lower_occurs else p.lower, p.upper)
-            if edge
-        ]
-        return any(np.isfinite(edge) and abs(value - edge) <= 1e-6 * abs(edge) for value, edge in edges)
+        )
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         """Whether fitted parameters, shape (P,), could be real."""
         return not self.at_bound(values)
-
-    def only_an_offset(self, evidence: EffectEvidence) -> bool:
-        """Whether it is indistinguishable from a constant joint offset in this motion."""
-        return False
 
     def with_constant(self, values: Array, torque: float) -> Array:
         """Parameters that add a constant torque [Nm] to u, by `offset_parameter`; shape (P,)."""
@@ -238,7 +231,7 @@ class Effect(ABC):
     @property
     def absorbed_by_stiffness(self) -> bool:
         """Whether a fitted stiffness can absorb part of it, so that its score is too low."""
-        return self.where == "joint" and not self.flexible
+        return self.where == "joint"
 
     @property
     def underrated(self) -> bool:
@@ -248,9 +241,7 @@ class Effect(ABC):
     def hidden_starts(self, torque: Array, compliance: float, rough: float) -> list[HiddenStart]:
         """Starts that undo the absorption of an underrated effect by the fitted compliance and friction.
 
-        Args:
-            torque: shape (N,), transmission torque of its joint [Nm].
-            compliance, rough: fitted compliance, and the set's rough one [rad/Nm].
+        `torque`: (N,), transmission torque [Nm]; `compliance`, `rough`: fitted, and the set's [rad/Nm].
         """
         return []
 

@@ -20,23 +20,16 @@ FACTORS = {
 
 @dataclass(frozen=True)
 class LawTemplate:
-    """Code of a law of one variable x.
+    """Code of a law of one variable x."""
 
-    Attributes:
-        title, equation: texts; {x} is the variable's symbol.
-        names: parameter → unit, where {u} is the variable's; the first is the size.
-        bounds: parameter → its bounds as arguments of ParameterSpec.
-        law: expression of x and the parameters, with np; slopes: ∂/∂(each parameter).
-        grid: parameter → factors of its value, or offsets in widths for "centre", to start from.
-    """
-
+    # title, equation: texts; {x} is the variable's symbol
     title: str
     equation: str
-    names: dict[str, str]
-    law: str
+    names: dict[str, str]  # parameter → unit, where {u} is the variable's; the first is the size
+    law: str  # expression of x and the parameters, with np; slopes: ∂/∂(each parameter)
     slopes: tuple[str, ...]
-    bounds: dict[str, str]
-    grid: dict[str, str]
+    bounds: dict[str, str]  # parameter → its bounds as arguments of ParameterSpec
+    grid: dict[str, str]  # parameter → factors of its value, or offsets in widths for "centre", to start from
 
 
 BUMP = "np.exp(-(((x - centre) / width) ** 2))"

@@ -79,6 +79,7 @@ class FreeCurveEffect(LawEffect):
     opposes: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         sides = [f"{way}_" for way in DIRECTIONS] if cls.each_way else ["value_"]
         cls.smooth = not (cls.each_way or cls.opposes)
         cls.size_at = tuple(range(CONSTANTS, CONSTANTS + NODES * len(sides)))
@@ -197,8 +198,6 @@ class FreeCurveEffect(LawEffect):
 
 
 class FreePositionCurve(FreeCurveEffect):
-    """A torque of the joint's position."""
-
     name = "free_curve_position"
     title = "Free curve of position (not physics)"
     explanation = "A torque that depends on the position only, of any form: a stopgap, not physics."
@@ -207,8 +206,6 @@ class FreePositionCurve(FreeCurveEffect):
 
 
 class FreeDirectionCurve(FreeCurveEffect):
-    """A torque of the joint's position, another one in each direction of motion."""
-
     name = "free_curve_direction"
     title = "Free curve of position in each direction (not physics)"
     explanation = "A torque that depends on position and direction, of any form: a stopgap, not physics."
@@ -217,8 +214,6 @@ class FreeDirectionCurve(FreeCurveEffect):
 
 
 class FreeFrictionCurve(FreeCurveEffect):
-    """A friction of the joint's position: the same in both directions of motion."""
-
     name = "free_curve_friction"
     title = "Free curve of friction by position (not physics)"
     explanation = "A torque against the motion that depends on the position, of any form: not physics."
@@ -227,8 +222,6 @@ class FreeFrictionCurve(FreeCurveEffect):
 
 
 class FreeVelocityCurve(FreeCurveEffect):
-    """A torque of the joint's speed, with a jump at each reversal."""
-
     name = "free_curve_velocity"
     title = "Free curve of velocity (not physics)"
     explanation = "A torque that depends on the velocity only, of any form: a stopgap, not physics."
@@ -244,8 +237,6 @@ class FreeVelocityCurve(FreeCurveEffect):
 
 
 class FreeLoadCurve(FreeCurveEffect, LoadedEffect):
-    """A torque of the transmission torque."""
-
     name = "free_curve_load"
     title = "Free curve of load (not physics)"
     explanation = "A torque that depends on the transmitted torque only, of any form: a stopgap, not physics."
@@ -260,8 +251,6 @@ class FreeLoadCurve(FreeCurveEffect, LoadedEffect):
 
 
 class FreeTimeCurve(FreeCurveEffect):
-    """A torque of the time since the start of each group."""
-
     name = "free_curve_time"
     title = "Free curve of time (not physics)"
     explanation = "A torque that depends on the time since a run began, of any form: a stopgap, not physics."
@@ -278,7 +267,7 @@ def _on_link(curve: type[FreeCurveEffect]) -> FreeCurveEffect:
         "where": "link",
         "state": True,
     }
-    return type(f"Link{curve.__name__}", (curve,), {"__doc__": curve.__doc__, **texts})()
+    return type(f"Link{curve.__name__}", (curve,), texts)()
 
 
 KINDS = (FreePositionCurve, FreeDirectionCurve, FreeVelocityCurve, FreeLoadCurve, FreeTimeCurve)

@@ -10,8 +10,6 @@ from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMoti
 
 
 class FrictionDrift(LawEffect):
-    """Viscous friction of a cold gear that warms up during each run."""
-
     name = "friction_drift"
     title = "Friction drift"
     where = "motor"

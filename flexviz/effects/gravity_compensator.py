@@ -9,8 +9,6 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class GravityCompensator(Effect):
-    """A spring or a counterweight that carries part of the weight on a joint."""
-
     name = "gravity_compensator"
     title = "Gravity compensator"
     where = "link"

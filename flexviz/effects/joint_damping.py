@@ -29,7 +29,6 @@ class JointDamping(LawEffect):
     smooth = True
     twins = ("torque_delay",)
     damps_deflection = True
-    optimism = 20.0  # it also changes the noise path, which the score does not see
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         spring = spring_at(motion, present(motion, "stiffness_hardening"), values[0])

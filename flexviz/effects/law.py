@@ -75,8 +75,7 @@ class LawEffect(Effect):
             values[free] = coefficients
             return values
 
-        label = ", ".join(f"{self.parameters[k].name} {value:g}" for k, value in fixed.items())
-        return Guess(terms.entry, terms.joints, terms.slopes[free], to_values, label)
+        return Guess(terms.entry, terms.joints, terms.slopes[free], to_values)
 
 
 class LinearEffect(LawEffect):
@@ -104,3 +103,13 @@ class LoadedEffect(LawEffect):
     @abstractmethod
     def torque_slope(self, motion: JointMotion, values: Array) -> Array:
         """∂u/∂s, shape (N,), with the feedback of u on s itself."""
+
+
+def chained(factor: Array, offset: Array) -> Array:
+    """x_{k+1} = factor_k x_k + offset_k from x_0 = 0: shape (R,) → (R + 1,); maps composed by doubling."""
+    factor, offset, reach = factor.copy(), offset.copy(), 1
+    while reach < len(factor):
+        offset[reach:] += factor[reach:] * offset[:-reach]
+        factor[reach:] = factor[reach:] * factor[:-reach]
+        reach *= 2
+    return np.concatenate(([0.0], offset))

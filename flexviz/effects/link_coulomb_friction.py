@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.friction import ARMSTRONG, SLIDING
 from flexviz.effects.law import LinearEffect
-from flexviz.effects.terms import Array, JointMotion, smooth_sign
+from flexviz.effects.terms import ARMSTRONG, SLIDING, Array, JointMotion, smooth_sign
 
 
 class LinkCoulombFriction(LinearEffect):
-    """Dry friction in the link's bearing, behind the elastic transmission."""
-
     name = "link_coulomb_friction"
     title = "Coulomb friction at the link"
     where = "link"

@@ -12,8 +12,6 @@ SMALL = 0.05  # coefficient from which a fit finds one that seemed to be negativ
 
 
 class LoadDependentFriction(LinearEffect, LoadedEffect):
-    """Gear friction proportional to the transmitted torque."""
-
     name = "load_dependent_friction"
     title = "Load-dependent friction"
     where = "motor"

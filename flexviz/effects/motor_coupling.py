@@ -9,8 +9,6 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class MotorCoupling(Effect):
-    """Inertial torque from the neighbouring motor's acceleration."""
-
     name = "motor_coupling"
     title = "Motor coupling"
     where = "motor"

@@ -1,4 +1,4 @@
-"""The names of the library's effects in display order; `flexviz/effects/<name>.py` defines each."""
+"""Names of the library's effects in display order (`flexviz/effects/<name>.py` defines each) and families."""
 
 from __future__ import annotations
 
@@ -31,6 +31,26 @@ EFFECT_NAMES: tuple[str, ...] = (
     "coupled_friction",
 )
 
+EFFECT_FAMILIES: dict[str, tuple[str, ...]] = {
+    "dry_friction": (
+        "coulomb_friction",
+        "link_coulomb_friction",
+        "stribeck_friction",
+        "presliding_hysteresis",
+        "directional_friction",
+        "startup_friction",
+    ),
+    "constant_torque": ("torque_offset", "base_tilt", "cable_spring", "gravity_compensator"),
+    "torque_scale": ("load_dependent_friction", "torque_gain"),
+}
+"""Name of a family -> its effects, the simplest first.
+
+Dry friction: the members differ only near rest. Constant torque: they differ only in how the torque varies
+over poses and payloads. Torque scale: friction in proportion to the load resembles a scaled torque.
+"""
+
+_FAMILY_OF = {effect: name for name, effects in EFFECT_FAMILIES.items() for effect in effects}
+
 USER_NAMES: list[str] = []
 """Names of the loaded user-defined effects, in loading order."""
 
@@ -43,3 +63,8 @@ def is_user_defined(name: str) -> bool:
 def known_names() -> tuple[str, ...]:
     """The names of the library's and of the user-defined effects."""
     return (*EFFECT_NAMES, *USER_NAMES)
+
+
+def family_of(effect: str) -> str | None:
+    """The name of the family that an effect belongs to; None if it belongs to none."""
+    return _FAMILY_OF.get(effect)

@@ -7,8 +7,6 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class PayloadError(Effect):
-    """A common relative error of a payload's mass and inertia."""
-
     name = "payload_error"
     title = "Payload error"
     where = "load"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import EffectEvidence, JointScale
-from flexviz.effects.law import LawEffect
-from flexviz.effects.recurrence import chained
+from flexviz.effects.law import LawEffect, chained
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
 START_ANGLE = 0.01  # [rad] over which friction builds up, where a fit starts
@@ -36,10 +35,8 @@ class PreslidingHysteresis(LawEffect):
     simulated = "z is a state of the simulation, zero at the start of each run; σ z opposes the motor."
     reference = "Dahl: Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976"
     parameters = (
-        ParameterSpec(
-            "presliding_stiffness", "Nm/rad", lower=1e-3, explanation="before it slides", symbol="σ"
-        ),
-        ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while sliding", symbol="f_c"),
+        ParameterSpec("presliding_stiffness", "Nm/rad", 1e-3, explanation="before it slides", symbol="σ"),
+        ParameterSpec("coulomb", "Nm", 0.0, explanation="friction torque while sliding", symbol="f_c"),
     )
     replaces = "coulomb_friction"
     size_at = (1,)
@@ -84,17 +81,10 @@ class PreslidingHysteresis(LawEffect):
 
 
 def dahl(position: Array, rate: float) -> tuple[Array, Array]:
-    """h and ∂h/∂ρ along a motion that starts with h = 0.
+    """h and ∂h/∂ρ, (N,) each, along positions (N,) [rad] from h = 0; `rate` is ρ [1/rad].
 
     Between reversals the law has a closed form in the path since the last reversal; only the values at
     reversals are computed recursively.
-
-    Args:
-        position: shape (N,) [rad].
-        rate: ρ [1/rad].
-
-    Returns:
-        Two arrays of shape (N,).
     """
     sign = np.sign(np.diff(position))
     first = np.flatnonzero(sign != 0)  # of each run in one direction; standstill belongs to the run before

@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.friction import ARMSTRONG
 from flexviz.effects.law import LinearEffect
-from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+from flexviz.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec
 
 
 class QuadraticFriction(LinearEffect):
-    """Friction that grows with the square of the speed."""
-
     name = "quadratic_friction"
     title = "Quadratic friction"
     where = "motor"
@@ -23,7 +20,7 @@ class QuadraticFriction(LinearEffect):
     reference = ARMSTRONG
     usual = True
     parameters = (
-        ParameterSpec("quadratic", "Nm s²/rad²", lower=0.0, explanation="friction at 1 rad/s", symbol="f_q"),
+        ParameterSpec("quadratic", "Nm s²/rad²", 0.0, explanation="friction at 1 rad/s", symbol="f_q"),
     )
     smooth = True
 

@@ -14,7 +14,6 @@ PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
 class Ripple(LawEffect):
     """a sin(nθ + φ)."""
 
-    flexible = True
     smooth = True
     orders = tuple(range(1, 41))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from flexviz.effects.effect import Effect
 from flexviz.effects.registry import EFFECTS
@@ -45,11 +46,7 @@ class ChosenEffect:
 
     @staticmethod
     def of(value: EffectValue, joints: Sequence[str]) -> ChosenEffect:
-        """The chosen effect of a model's `EffectValue`.
-
-        Raises:
-            InputError: for a joint that does not exist.
-        """
+        """The chosen effect of a model's `EffectValue`; InputError for a joint that does not exist."""
         if value.joint is not None and value.joint not in joints:
             valid = choose_from(value.joint, joints)
             raise InputError(f'effect "{value.text}": joint "{value.joint}" is not in the set; {valid}')
@@ -58,10 +55,7 @@ class ChosenEffect:
 
 
 def choose_effects(
-    wanted: Iterable[str],
-    joints: Sequence[str],
-    payloads: Sequence[str] = (),
-    groups: Sequence[str] = (),
+    wanted: Iterable[str], joints: Sequence[str], payloads: Sequence[str] = (), groups: Sequence[str] = ()
 ) -> tuple[ChosenEffect, ...]:
     """Resolve `name` (everywhere), `name:joint`, `name:payload` and `name:joint@group`.
 
@@ -83,13 +77,14 @@ def choose_effects(
     return tuple(c for c in chosen if (c.effect, c.joint) not in replaced)
 
 
-def named_effect(text: str) -> Effect:
-    """The effect that a text refers to, wherever it acts; InputError if there is none of its name."""
+def named_effect(text: str, file: str | Path | None = None) -> Effect:
+    """The effect that a text (of `file`) refers to, wherever it acts; InputError if there is none."""
     name = text.partition(":")[0]
     if name not in EFFECTS:
         raise InputError(
             f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}; '
-            "load a user-defined effect with --effects-from"
+            "load a user-defined effect with --effects-from",
+            file=file,
         )
     return EFFECTS[name]
 

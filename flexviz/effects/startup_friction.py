@@ -7,10 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.friction import ARMSTRONG
-from flexviz.effects.law import LawEffect
-from flexviz.effects.recurrence import chained
-from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
+from flexviz.effects.law import LawEffect, chained
+from flexviz.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec, smooth_sign
 
 REST_SPEED = 0.005  # [rad/s] a slower joint stands still; that of the sign's smoothing
 REST_TIME = 0.1  # [s] of standstill that restores 63 % of the additional friction
@@ -73,15 +71,9 @@ class StartupFriction(LawEffect):
 
 
 def worn_off(position: Array, step: float, angle: float) -> tuple[Array, Array]:
-    """y and ∂y/∂x_s along a motion from rest, exact for constant speed between samples.
+    """y and ∂y/∂x_s, (N,) each, from rest, exact for constant speed between samples.
 
-    Args:
-        position: shape (N,) [rad].
-        step: between samples [s].
-        angle: x_s [rad].
-
-    Returns:
-        Two arrays of shape (N,).
+    `position`: (N,) [rad]; `step` between them [s]; `angle`: x_s [rad].
     """
     angle = max(angle, 1e-4)
     path, healing = _moves(position, step)

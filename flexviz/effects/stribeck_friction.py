@@ -7,16 +7,13 @@ from typing import ClassVar
 import numpy as np
 
 from flexviz.effects.effect import EffectEvidence, JointScale
-from flexviz.effects.friction import ARMSTRONG
 from flexviz.effects.law import LawEffect
-from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
+from flexviz.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec, smooth_sign
 
 CREEPING = 0.5  # share of a joint's top speed; if v_s is that, 2 % of the friction is left there
 
 
 class StribeckFriction(LawEffect):
-    """The extra friction at creeping speed, before the lubricant carries."""
-
     name = "stribeck_friction"
     title = "Stribeck friction"
     where = "motor"

@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexviz.arrays import Array
+
 Where = Literal["motor", "link", "joint", "sensing", "load"]
 Entry = Literal["torque", "deflection", "residual", "gravity"]
 Scope = Literal["joint", "set", "payload", "episode"]
@@ -55,6 +56,14 @@ class ParameterSpec:
     def __post_init__(self) -> None:
         if not self.symbol:
             object.__setattr__(self, "symbol", self.name)
+
+
+# shared by the friction effects
+ARMSTRONG = (
+    "Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods "
+    "for the control of machines with friction, Automatica 30(7), 1994"
+)
+SLIDING = ParameterSpec("coulomb", "Nm", 0.0, explanation="friction torque while moving", symbol="f_c")
 
 
 @dataclass(frozen=True)
@@ -140,14 +149,12 @@ class Guess:
         entry, joints: as in `Terms`.
         columns: shape (C, D, N, m).
         to_values: coefficients (C,) → the effect's parameters (P,).
-        label: the fixed parameters, for the log ("order 7").
     """
 
     entry: Entry
     joints: tuple[int, ...]
     columns: Array
     to_values: Callable[[Array], Array]
-    label: str = ""
 
 
 class JointState(NamedTuple):

@@ -11,8 +11,6 @@ FINEST_DELAY = 0.1  # of the recording's step: a drive holds its torque between 
 
 
 class TorqueDelay(Effect):
-    """A delay from the recorded to the applied torque."""
-
     name = "torque_delay"
     title = "Torque delay"
     where = "sensing"
@@ -24,9 +22,7 @@ class TorqueDelay(Effect):
     confirm = "Fast motions; a step of the reference."
     simulated = "The motor gets the torque d later than it is recorded."
     reference = "Björklund, Ljung: A review of time-delay estimation techniques, CDC 2003"
-    parameters = (
-        ParameterSpec("delay", "s", lower=-0.1, upper=0.1, explanation="how much later it acts", symbol="d"),
-    )
+    parameters = (ParameterSpec("delay", "s", -0.1, 0.1, "how much later it acts", "d"),)
     scope = "set"
     twins = ("joint_damping",)
     joint_optional = True

@@ -12,8 +12,6 @@ LARGEST_GAIN_ERROR = 0.4  # larger errors of a drive would have been noticed
 
 
 class TorqueGain(Effect):
-    """A constant ratio of applied to recorded torque."""
-
     name = "torque_gain"
     title = "Torque gain error"
     where = "sensing"
@@ -26,9 +24,7 @@ class TorqueGain(Effect):
         "Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots, "
         "ASME J. Dynamic Systems, Measurement, and Control 136(5), 2014"
     )
-    parameters = (
-        ParameterSpec("gain_error", "-", lower=-0.8, upper=4.0, explanation="relative error", symbol="g"),
-    )
+    parameters = (ParameterSpec("gain_error", "-", -0.8, 4.0, "relative error", "g"),)
     linear = True
     scales_torque = True
     expected = MappingProxyType({"gain_error": EXPECTED_GAIN_ERROR})

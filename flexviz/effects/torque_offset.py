@@ -10,8 +10,6 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
 
 class TorqueOffset(LinearEffect):
-    """A constant torque, from a current sensor's offset or an asymmetric load."""
-
     name = "torque_offset"
     title = "Torque offset"
     where = "motor"

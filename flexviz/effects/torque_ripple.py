@@ -8,8 +8,6 @@ from flexviz.effects.terms import ParameterSpec
 
 
 class TorqueRipple(Ripple):
-    """Cogging and commutation torque of the motor, seen through the gear."""
-
     name = "torque_ripple"
     title = "Torque ripple"
     where = "motor"
@@ -21,11 +19,7 @@ class TorqueRipple(Ripple):
         "Holtz, Springob: Identification and compensation of torque ripple in high-precision permanent "
         "magnet motor drives, IEEE Trans. Industrial Electronics 43(2), 1996"
     )
-    parameters = (
-        ParameterSpec("amplitude", "Nm", explanation="largest torque", symbol="a"),
-        ORDER,
-        PHASE,
-    )
+    parameters = (ParameterSpec("amplitude", "Nm", explanation="largest torque", symbol="a"), ORDER, PHASE)
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.1 * scale.torque, 9.0, 0.7)

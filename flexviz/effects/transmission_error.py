@@ -8,8 +8,6 @@ from flexviz.effects.terms import ParameterSpec
 
 
 class TransmissionError(Ripple):
-    """Kinematic error of the gear: the link is not exactly where the motor angle says."""
-
     name = "transmission_error"
     title = "Transmission error"
     where = "joint"
@@ -20,11 +18,11 @@ class TransmissionError(Ripple):
     reference = (
         "Gandhi, Ghorbel: Closed-loop compensation of kinematic error in harmonic drives, T-CST 10(6), 2002"
     )
-    parameters = (
-        ParameterSpec("amplitude", "rad", explanation="largest error", symbol="a"),
-        ORDER,
-        PHASE,
-    )
+    parameters = (ParameterSpec("amplitude", "rad", explanation="largest error", symbol="a"), ORDER, PHASE)
+
+    @property
+    def absorbed_by_stiffness(self) -> bool:
+        return False  # it follows the position, not the torque
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (max(0.05 * scale.deflection, 3e-4), 7.0, 0.4)

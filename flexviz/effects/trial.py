@@ -13,13 +13,9 @@ from flexviz.effects.terms import Array, JointMotion
 
 @dataclass(frozen=True)
 class TrialSignal:
-    """constant + slope·t + Σ a sin(ωt + φ), with exact derivatives.
+    """constant + slope·t + Σ a sin(ωt + φ), with exact derivatives."""
 
-    Attributes:
-        waves: (a, ω [rad/s], φ [rad]) of each sine.
-    """
-
-    waves: tuple[tuple[float, float, float], ...] = ()
+    waves: tuple[tuple[float, float, float], ...] = ()  # (a, ω [rad/s], φ [rad]) of each sine
     constant: float = 0.0
     slope: float = 0.0
 
@@ -40,24 +36,18 @@ class TrialMotion:
     """A `Context` with closed-form signals: two joints, one group, no filter.
 
     Payload and gravity torques are those of a pendulum that turns from the base's x towards its z.
-
-    Attributes:
-        time: shape (N,) [s].
-        motor: θ of joint 0 [rad].
-        torque: τ, and the transmission torque s, of joint 0 [Nm].
-        neighbour: θ of joint 1 [rad].
-        stiffness, motor_viscous: [Nm/rad], [Nm s/rad].
-        temperature: of the joints [°C].
-        arm, payload: weight moments of arm and payload, mass × distance [kg m].
     """
 
-    time: Array
-    motor: TrialSignal
+    time: Array  # (N,) [s]
+    motor: TrialSignal  # θ of joint 0 [rad]
+    # τ, and the transmission torque s, of joint 0 [Nm]
     torque: TrialSignal = field(default_factory=TrialSignal)
-    neighbour: TrialSignal = field(default_factory=TrialSignal)
+    neighbour: TrialSignal = field(default_factory=TrialSignal)  # θ of joint 1 [rad]
+    # stiffness, motor_viscous: [Nm/rad], [Nm s/rad]
     stiffness: float = 5000.0
     motor_viscous: float = 2.0
-    temperature: float = 35.0
+    temperature: float = 35.0  # of the joints [°C]
+    # arm, payload: weight moments of arm and payload, mass × distance [kg m]
     arm: float = 4.0
     payload: float = 1.5
 

@@ -37,15 +37,10 @@ MIN_AGREEING_SHARE = 0.99  # of the samples: kinks are allowed
 
 @dataclass(frozen=True)
 class EffectFile:
-    """A user's effect file with the line numbers of its definitions.
+    """A user's effect file with the line numbers of its definitions."""
 
-    Attributes:
-        file: as given by the user.
-        lines: (class, attribute or "") → line.
-    """
-
-    file: Path
-    lines: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    file: Path  # as given by the user
+    lines: Mapping[tuple[str, str], int] = field(default_factory=dict)  # (class, attribute or "") → line
 
     @staticmethod
     def read(file: Path) -> EffectFile:
@@ -97,10 +92,9 @@ class EffectFile:
 
 
 def check(kind: type[Effect], file: EffectFile, taken: Mapping[str, Effect]) -> Effect:
-    """An instance of a user's effect class that passes all checks; `taken` are the loaded effects.
+    """An instance of a user's class, or InputError with the line of the first check that it fails.
 
-    Raises:
-        InputError: with the line of the first failed check.
+    `taken` are the loaded effects.
     """
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:

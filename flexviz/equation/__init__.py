@@ -1,8 +1,7 @@
 """The identification equation: signals in, residual and Jacobian out."""
 
-from flexviz.equation.chain import Chain
-from flexviz.equation.elasticity import local_compliance, time_constants
-from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
+from flexviz.equation.chain import Chain, local_compliance, time_constants
+from flexviz.equation.layout import INERTIAL_NAMES, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
 from flexviz.equation.products import FilteredProducts
@@ -12,7 +11,6 @@ from flexviz.equation.signals import Block, Signals, build_signals, equation_str
 
 __all__ = [
     "INERTIAL_NAMES",
-    "INERTIAL_UNITS",
     "Block",
     "Chain",
     "Equation",

@@ -5,11 +5,39 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
+from flexviz.effects import EFFECTS
+from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkTerms
 
-Array = NDArray[np.float64]
+
+def time_constants(layout: Layout, x: Array) -> Array:
+    """D/K of the damped joints, 0 of the others, shape (n,) [s]."""
+    out = np.zeros(layout.n)
+    for effect, where in layout.effect_slices():
+        law = EFFECTS[effect.effect]
+        if law.damps_deflection and effect.joint is not None:
+            out[effect.joint] = law.time_constant(x[where], x[layout.compliance][effect.joint])
+    return out
+
+
+def local_compliance(layout: Layout, x: Array, torque: Array | None) -> Array:
+    """∂δ/∂s of the joints under a transmission torque (N, n) [Nm]: shape (N, n), or (n,) if it is constant.
+
+    Where the torque is not known (None), joints count as linear.
+    """
+    own = x[layout.compliance]
+    bent = None
+    for effect, where in layout.effect_slices():
+        j, law = effect.joint, EFFECTS[effect.effect]
+        if torque is None or j is None:
+            continue
+        share = law.softness(x[where], torque[:, j], float(own[j]))
+        if not isinstance(share, float):
+            bent = np.tile(own, (len(torque), 1)) if bent is None else bent
+            bent[:, j] *= share
+    return own if bent is None else bent
 
 
 class Chain:
@@ -34,32 +62,11 @@ class Chain:
             part._compliance = self._compliance[rows]
         return part
 
-    def deflection(self, lost: Array, j: int) -> Array:
-        """−∂r for q of joint j that moves by `lost`, shape (3, N): shape (N, n)."""
-        return (
-            self._dq[:, :, j] * lost[0][:, None]
-            + self._damping[:, :, j] * lost[1][:, None]
-            + self._mass[:, :, j] * lost[2][:, None]
-        )
-
-    def torque(self, u: Array, j: int) -> Array:
-        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
-        out = -self.deflection(self._compliance[..., j] * u, j)
-        out[:, j] -= u[0]
-        return out
-
     def of_pulses(self, time: Array, at: Array, j: int) -> tuple[Array, Array]:
         """Pulses of q of joint j whose products with the pose are formed before they are filtered.
 
-        M(t) δ̈(t − t₀) = M(t₀) δ̈ − 2 Ṁ(t₀) δ̇ + M̈(t₀) δ, and so on.
-
-        Args:
-            time: shape (N,), of the samples [s].
-            at: shape (P,), t₀ of each pulse [s].
-            j: the joint.
-
-        Returns:
-            factors of the filtered δ, δ̇ and δ̈ in −∂r, shape (3, P, n), and the compliance at t₀, shape (P,).
+        M(t) δ̈(t − t₀) = M(t₀) δ̈ − 2 Ṁ(t₀) δ̇ + M̈(t₀) δ, and so on, for samples at `time` (N,) [s] and t₀ in
+        `at` (P,) [s]: factors of the filtered δ, δ̇ and δ̈ in −∂r, shape (3, P, n), and the compliance (P,).
         """
         nearest = np.clip(np.round((at - time[0]) / (time[1] - time[0])).astype(int), 0, len(time) - 1)
         past = at - time[nearest]
@@ -97,26 +104,20 @@ class Chain:
 
     def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
         """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
-        out = np.zeros(self._mass.shape[:2])
-        for k, j in enumerate(joints):
-            if entry == "torque":
-                out += self.torque(u[:, :, k], j)
-            elif entry == "deflection":
-                out -= self.deflection(u[:, :, k], j)
-            else:
-                out[:, j] -= u[0, :, k]
-        return out
+        return self.columns(entry, joints, u[None])[..., 0]
 
-    def columns(self, entry: str, j: int, u: Array, bends: Array) -> Array:
-        """∂r for several u, shape (P, D, N), that enter at joint j: shape (N, n, P).
+    def columns(self, entry: str, joints: tuple[int, ...], u: Array, bends: Array | None = None) -> Array:
+        """∂r for several u, shape (P, D, N, m): shape (N, n, P).
 
-        `bends`: likewise, what bends the joint where u is a torque; u itself, or something later.
+        `bends`: likewise, what bends the joints where u is a torque; default: u itself.
         """
         out = np.zeros((*self._mass.shape[:2], len(u)))
-        if entry != "residual":
-            moved = self._compliance[..., j] * bends if entry == "torque" else u
-            for d, factor in enumerate((self._dq, self._damping, self._mass)):
-                out -= factor[:, :, j, None] * moved[:, d].T[:, None]
-        if entry != "deflection":
-            out[:, j] -= u[:, 0].T
+        bends = u if bends is None else bends
+        for k, j in enumerate(joints):
+            if entry in ("torque", "deflection"):
+                moved = self._compliance[..., j] * bends[..., k] if entry == "torque" else u[..., k]
+                for d, factor in enumerate((self._dq, self._damping, self._mass)):
+                    out -= factor[:, :, j, None] * moved[:, d].T[:, None]
+            if entry != "deflection":
+                out[:, j] -= u[:, 0, :, k].T
         return out

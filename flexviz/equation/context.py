@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import JointMotion
 from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fine_signals, fine_stride
 from flexviz.equation.layout import Layout
@@ -17,8 +18,6 @@ from flexviz.equation.motions import WideMotions
 from flexviz.equation.signals import Signals
 from flexviz.observers import ButterworthZeroPhase, largest_divisor
 from flexviz.recent import Recent
-
-Array = NDArray[np.float64]
 
 KEPT_COLUMNS = 100  # joints whose columns that depend on no parameters are kept
 KEPT_BYTES = 1e8  # of long records fewer
@@ -51,18 +50,13 @@ class EffectContext:
     ) -> None:
         self._link, self._signals, self._layout = link, signals, layout
         self._shared = shared
-        self._x, self._q, self._s = x.copy(), q, s
+        self._x, self._q, self.s = x.copy(), q, s
         self._bands = bands
         self._motions: dict[int, list[JointMotion]] = {}
         self._at: WideMotions | None = None
         self._used: list[FineSignals] | None = None  # what determines the motions, where s does not
         self._of: EffectContext | None = None  # whose motions effects see
         self._cache: dict[object, Array] = {}
-
-    @property
-    def s(self) -> Array | None:
-        """Transmission torque offered to the effects, shape (N, n) [Nm]."""
-        return self._s
 
     def forget(self) -> None:
         """Discard what can be computed again."""
@@ -85,7 +79,7 @@ class EffectContext:
 
     def take_motions(self, earlier: EffectContext) -> None:
         """Use the motions of an earlier context with the same parameters, where they are the same."""
-        if earlier._motions and self._s is None and self.fine() is earlier._used:
+        if earlier._motions and self.s is None and self.fine() is earlier._used:
             self._motions, self._used = earlier._motions, earlier._used
 
     # -- the protocol ------------------------------------------------------------------------------------
@@ -279,16 +273,12 @@ class EffectContext:
         if self._of is not None:
             return self._of.motions(joint)
         if joint not in self._motions:
-            self._used = None if self._s is not None else self.fine()
-            self._motions[joint] = self._source().of(joint, self._s)
+            fine = self.fine()
+            self._used = None if self.s is not None else fine
+            if self._at is None or self._at.fine is not fine:
+                self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
+            self._motions[joint] = self._at.of(joint, self.s)
         return self._motions[joint]
-
-    def _source(self) -> WideMotions:
-        """The motions at these parameters."""
-        fine = self.fine()
-        if self._at is None or self._at.fine is not fine:
-            self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
-        return self._at
 
 
 def low_passed(values: Array, lag: float, step: float) -> Array:

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation.signals import Block, Signals, fine_samples
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase, largest_divisor
 from flexviz.recent import Recent
-
-Array = NDArray[np.float64]
 
 # band of the velocity that determines the sign of friction: a compromise between sharp reversals and noise
 SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
@@ -27,24 +25,16 @@ KEPT_BYTES = 1.5e8  # of long records fewer, at least one
 
 @dataclass(frozen=True)
 class FineSignals:
-    """Wide-band signals of one stretch.
+    """Wide-band signals of one stretch."""
 
-    Attributes:
-        time: shape (N_fine,) [s].
-        step: between samples [s].
-        position, velocity: shape (N_fine, n), motor side [rad], [rad/s].
-        theta: shape (4, N_fine, n), in the torque band, for s and ṡ [rad/s^k].
-        tau: shape (2, N_fine, n) [Nm/s^k].
-        torque_hertz: shape (n,), torque band [Hz].
-    """
-
-    time: Array
-    step: float
+    time: Array  # (N_fine,) [s]
+    step: float  # between samples [s]
+    # position, velocity: (N_fine, n), motor side [rad], [rad/s]
     position: Array
     velocity: Array
-    theta: Array
-    tau: Array
-    torque_hertz: Array
+    theta: Array  # (4, N_fine, n), in the torque band, for s and ṡ [rad/s^k]
+    tau: Array  # (2, N_fine, n) [Nm/s^k]
+    torque_hertz: Array  # (n,), torque band [Hz]
 
 
 def fine_stride(block: Block) -> int:
@@ -54,25 +44,18 @@ def fine_stride(block: Block) -> int:
 
 @dataclass(frozen=True)
 class FineBands:
-    """Bands of the fine signals of every block.
+    """Bands of the fine signals of every block."""
 
-    Attributes:
-        key: equal for bands that share their signals.
-        wide, narrow: shape (n,) each, of the velocity and of the torque [Hz], one per block.
-    """
-
-    key: tuple[object, ...]
+    key: tuple[object, ...]  # equal for bands that share their signals
+    # wide, narrow: (n,), of the velocity and of the torque [Hz], one per block
     wide: list[Array]
     narrow: list[Array]
 
 
 def fine_bands(signals: Signals, inertia: Array, stiffness: Array, shared: dict[object, Any]) -> FineBands:
-    """The bands at given parameters.
+    """The bands at given B and K, shape (n,) each, which determine the noise of s and q̇.
 
-    Args:
-        signals: signals of the equation.
-        inertia, stiffness: shape (n,), B and K, which determine the noise of s and q̇.
-        shared: cache of quantities that depend on the signals only.
+    `shared`: cache of quantities that depend on the signals only.
     """
     blocks = signals.blocks
     if "noise" not in shared:

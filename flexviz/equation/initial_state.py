@@ -10,31 +10,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
 from flexviz.equation.signals import Signals
-
-Array = NDArray[np.float64]
 
 RIDGE = 0.01  # relative to the largest value of a column
 
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Columns of the unknown initial states of one stretch.
+    """Columns of the unknown initial states of one stretch."""
 
-    Attributes:
-        rows: the stretch's samples.
-        columns: shape (N_block · n, M), ∂r.
-        solve: shape (M, N_block · n), linear map from r to the least-squares sizes.
-    """
-
-    rows: slice
-    columns: Array
-    solve: Array
+    rows: slice  # the stretch's samples
+    columns: Array  # (N_block · n, M), ∂r
+    solve: Array  # (M, N_block · n), linear map from r to the least-squares sizes
 
     def remove_from(self, r: Array) -> None:
         """Project the columns out of residuals (N, n) or Jacobians (N, n, P), in place."""
@@ -44,19 +36,9 @@ class InitialStates:
 
 
 def initial_states(
-    context: EffectContext,
-    signals: Signals,
-    effects: Sequence[tuple[ChosenEffect, Array]],
-    chain: Chain,
+    context: EffectContext, signals: Signals, effects: Sequence[tuple[ChosenEffect, Array]], chain: Chain
 ) -> list[InitialStates]:
-    """The columns of every stretch that has an unknown initial state.
-
-    Args:
-        context: signals offered to the effects.
-        signals: signals of the equation.
-        effects: effects of the model with their parameters.
-        chain: sensitivity of r to s and q.
-    """
+    """The columns of every stretch that has an unknown initial state; `effects`: with their parameters."""
     found: dict[int, list[Array]] = {}
     for effect, values in effects:
         law = EFFECTS[effect.effect]
@@ -66,12 +48,11 @@ def initial_states(
             unknown = law.unknown(motion, values)
             filtered = context.filtered_block(index, unknown, effect.joint, law.depth)[..., None]
             part = chain.rows(signals.blocks[index].rows)
-            for one, size in zip(filtered, np.abs(unknown).max(axis=1), strict=True):
-                column = part.column(law.entry, (effect.joint,), one)
-                found.setdefault(index, []).append(column.ravel() / max(size, 1e-12))
+            columns = part.columns(law.entry, (effect.joint,), filtered).reshape(-1, len(unknown))
+            found.setdefault(index, []).append(columns / np.maximum(np.abs(unknown).max(axis=1), 1e-12))
     out = []
     for index, parts in found.items():
-        c = np.stack(parts, axis=1)
+        c = np.concatenate(parts, axis=1)
         solve = np.linalg.inv(c.T @ c + RIDGE**2 * np.eye(c.shape[1])) @ c.T
         out.append(InitialStates(signals.blocks[index].rows, c, solve))
     return out

@@ -10,29 +10,21 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
 from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue, FlexibleModel
+from flexviz.model import INERTIAL_UNITS, EffectValue, FlexibleModel
 
-Array = NDArray[np.float64]
-
-INERTIAL_NAMES = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
-INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²")
+INERTIAL_NAMES = tuple(INERTIAL_UNITS)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters.
+    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters."""
 
-    Attributes:
-        joints: names of the joints.
-        effects: the model's effects.
-    """
-
-    joints: tuple[str, ...]
-    effects: tuple[ChosenEffect, ...] = ()
+    joints: tuple[str, ...]  # names of the joints
+    effects: tuple[ChosenEffect, ...] = ()  # the model's effects
 
     @property
     def n(self) -> int:
@@ -102,7 +94,7 @@ class Layout:
     def names(self) -> list[tuple[str, str | None, str]]:
         """(name, joint, unit) of every entry, as in the JSON contract; c is listed as the stiffness."""
         rows: list[tuple[str, str | None, str]] = [
-            (INERTIAL_NAMES[k], j, INERTIAL_UNITS[k]) for j in self.joints for k in range(10)
+            (name, j, unit) for j in self.joints for name, unit in INERTIAL_UNITS.items()
         ]
         rows += [("stiffness", j, "Nm/rad") for j in self.joints]
         rows += [("motor_inertia", j, "kg m²") for j in self.joints]
@@ -147,11 +139,7 @@ class Layout:
 
 
 def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layout:
-    """Layout of a set's model with additional effects.
-
-    Raises:
-        InputError: an effect, joint, payload or group that does not exist.
-    """
+    """Layout of a set's model with additional effects; InputError for one that does not exist."""
     groups = [group.name for group in measurements.groups]
     wanted = (*measurements.effects, *effects)
     return Layout(

@@ -8,33 +8,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
+from flexviz.arrays import Array
 from flexviz.robot import Robot
-
-Array = NDArray[np.float64]
 
 SIDE_BY_SIDE = 24  # joints of all copies: with more, the zeros between the copies take longer than calls
 
 
 @dataclass(frozen=True)
 class LinkTerms:
-    """Derivatives of Y(q, q̇, q̈) Γ at N samples, in the set's joint order.
+    """Derivatives of Y(q, q̇, q̈) Γ at N samples, in the set's joint order."""
 
-    Attributes:
-        dq: shape (N, n, n), ∂(YΓ)/∂q [Nm/rad].
-        dv: shape (N, n, n), ∂(YΓ)/∂q̇ [Nm s/rad].
-        mass: shape (N, n, n), M(q) [kg m²].
-        torque: shape (N, n), transmission torque of the joints [Nm]; None if it is not known.
-        seen: shape (n,) [rad/s], band in which effects see that torque, beside the observer's; None for all
-            frequencies.
-    """
-
-    dq: Array
-    dv: Array
-    mass: Array
-    torque: Array | None = None
+    dq: Array  # (N, n, n), ∂(YΓ)/∂q [Nm/rad]
+    dv: Array  # (N, n, n), ∂(YΓ)/∂q̇ [Nm s/rad]
+    mass: Array  # (N, n, n), M(q) [kg m²]
+    torque: Array | None = None  # (N, n), transmission torque of the joints [Nm]; None if it is not known
+    # (n,) [rad/s], band in which effects see that torque, beside the observer's; None for all frequencies
     seen: Array | None = None
 
     def rows(self, rows: slice) -> LinkTerms:

@@ -11,8 +11,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.fine_signals import FineSignals
 from flexviz.equation.layout import Layout
@@ -20,7 +20,6 @@ from flexviz.equation.signals import Block, Signals
 from flexviz.interpolation import CubicInterpolation
 from flexviz.observers import ButterworthZeroPhase
 
-Array = NDArray[np.float64]
 Level = tuple[Array, Array]  # transmission torque and its rate in one stretch, shape (N_fine,) each
 
 LEAST_VISCOUS_SHARE = 0.2  # minimum share of a joint's viscous friction on the motor side
@@ -47,23 +46,15 @@ class MotionOnDemand(JointMotion):
 
 
 class WideMotions:
-    """The motions at given parameters.
+    """The motions at parameters x (P,).
 
     Args:
-        signals: signals of the equation.
-        layout: layout of x.
-        x: shape (P,).
         fine: wide-band signals of every stretch.
         shared: cache of quantities that depend on the signals only.
     """
 
     def __init__(
-        self,
-        signals: Signals,
-        layout: Layout,
-        x: Array,
-        fine: list[FineSignals],
-        shared: dict[object, Any],
+        self, signals: Signals, layout: Layout, x: Array, fine: list[FineSignals], shared: dict[object, Any]
     ) -> None:
         self.fine = fine
         self._signals, self._layout, self._x, self._shared = signals, layout, x, shared
@@ -74,10 +65,8 @@ class WideMotions:
     def of(self, joint: int, s: Array | None) -> list[JointMotion]:
         """Motions of a joint in every stretch.
 
-        Args:
-            joint: index.
-            s: shape (N, n), transmission torque of the equation, without friction [Nm]; None: the wide-band
-                torque, with all of it.
+        `s`: (N, n), transmission torque of the equation, without friction [Nm]; None: the wide-band one, with
+        all of it.
         """
         lay, x = self._layout, self._x
         stiffness, viscous = 1 / x[lay.compliance][joint], viscous_scale(lay, x, joint)[0]

@@ -15,15 +15,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation.fine_signals import fine_stride
 from flexviz.equation.residual import Equation, OperatingPoint
 from flexviz.equation.signals import Block, Signals, build_signals
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
-
-Array = NDArray[np.float64]
 
 
 class FilteredProducts:

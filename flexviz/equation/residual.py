@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LoadedEffect, Terms
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
@@ -27,7 +27,6 @@ from flexviz.equation.signals import Signals
 from flexviz.errors import InputError
 from flexviz.robot import Robot
 
-Array = NDArray[np.float64]
 PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place in the vector
 
 MAX_STATE_ITERATIONS = 6  # fixed-point iterations: s depends on effects that depend on s
@@ -37,21 +36,13 @@ STATE_CHANGE = 1e-3  # relative change of a parameter after which effects are ev
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The equation at one parameter vector.
+    """The equation at one parameter vector."""
 
-    Attributes:
-        residual: shape (N, n), r [Nm].
-        jacobian: shape (N, n, P), ∂r/∂x.
-        torque: shape (3, N, n), s and its derivatives [Nm/s^k].
-        q: shape (3, N, n), link side and its derivatives [rad/s^k].
-        link: the rigid-body terms.
-    """
-
-    residual: Array
-    jacobian: Array
-    torque: Array
-    q: Array
-    link: LinkTerms
+    residual: Array  # (N, n), r [Nm]
+    jacobian: Array  # (N, n, P), ∂r/∂x
+    torque: Array  # (3, N, n), s and its derivatives [Nm/s^k]
+    q: Array  # (3, N, n), link side and its derivatives [rad/s^k]
+    link: LinkTerms  # the rigid-body terms
 
 
 class Equation:
@@ -168,7 +159,10 @@ class OperatingPoint:
                 continue
             if not law.linear:
                 term = self._nonlinear(effect, x[where])
-                out.append((where, self._rescaled(term, x) if law.relative else term))
+                if law.relative:  # to viscous friction, which is that of x
+                    seen, now = (viscous_scale(self.layout, y, term.joints[0])[0] for y in (self.x, x))
+                    term = replace(term, value=now / seen * term.value, slopes=now / seen * term.slopes)
+                out.append((where, term))
                 continue
             if effect not in self._linear:
                 self._linear[effect] = law.terms(self.context, effect.place, x[where])
@@ -186,13 +180,6 @@ class OperatingPoint:
         if kept is None or not np.array_equal(kept[0], values):
             self._last[effect] = kept = values.copy(), law.terms(self.context, effect.place, values)
         return kept[1]
-
-    def _rescaled(self, term: Terms, x: Array) -> Terms:
-        """Terms of an effect that is relative to viscous friction, rescaled to the friction of x."""
-        (joint,) = term.joints
-        seen = viscous_scale(self.layout, self.x, joint)[0]
-        ratio = viscous_scale(self.layout, x, joint)[0] / seen
-        return replace(term, value=ratio * term.value, slopes=ratio * term.slopes)
 
     def motor_side(self, x: Array, terms: PlacedTerms | None = None) -> tuple[Array, Array]:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
@@ -274,13 +261,12 @@ class OperatingPoint:
         """∂r/∂x (N, n, P), but for the inertial parameters, before initial states are removed."""
         lay, theta = self.layout, self.signals.theta
         for j in range(lay.n):
-            jacobian[:, :, lay.compliance.start + j] = chain.deflection(s[:, :, j], j)
-            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(theta[2:, :, j], j)
-            jacobian[:, :, lay.motor_viscous.start + j] = chain.torque(theta[1:4, :, j], j)
+            jacobian[:, :, lay.compliance.start + j] = -chain.column("deflection", (j,), s[:, :, [j]])
+            jacobian[:, :, lay.motor_inertia.start + j] = chain.column("torque", (j,), theta[2:, :, [j]])
+            jacobian[:, :, lay.motor_viscous.start + j] = chain.column("torque", (j,), theta[1:4, :, [j]])
             jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
         for where, term in terms:
-            for p, column in enumerate(range(where.start, where.stop)):
-                jacobian[:, :, column] = chain.column(term.entry, term.joints, term.slopes[p])
+            jacobian[:, :, where] = chain.columns(term.entry, term.joints, term.slopes)
         for effect, (_, term) in zip(lay.effects, terms, strict=True):
             if EFFECTS[effect.effect].relative:
                 (j,) = term.joints
@@ -305,14 +291,10 @@ class OperatingPoint:
                     slopes = term.slopes[..., term.joints.index(j)]
                     moves += [(at.start + p, slope) for p, slope in enumerate(slopes)]
             for column, fall in moves:  # s falls by this
-                product = np.stack(
-                    (
-                        gain[0] * fall[0],
-                        gain[1] * fall[0] + gain[0] * fall[1],
-                        gain[2] * fall[0] + 2 * gain[1] * fall[1] + gain[0] * fall[2],
-                    )
-                )
-                jacobian[:, :, column] += chain.torque(-product, j)
+                first = gain[1] * fall[0] + gain[0] * fall[1]
+                second = gain[2] * fall[0] + 2 * gain[1] * fall[1] + gain[0] * fall[2]
+                product = np.stack((gain[0] * fall[0], first, second))[..., None]
+                jacobian[:, :, column] -= chain.column("torque", (j,), product)
 
     def _gravity(self, x: Array) -> Array | None:
         """Acceleration of gravity (3,) at x; None: that of the model."""

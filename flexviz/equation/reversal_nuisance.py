@@ -19,13 +19,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
-from flexviz.equation.chain import Chain
-from flexviz.equation.elasticity import local_compliance, time_constants
+from flexviz.equation.chain import Chain, local_compliance, time_constants
 from flexviz.equation.link import LinkTerms
 from flexviz.equation.residual import OperatingPoint
-
-Array = NDArray[np.float64]
 
 PULSE_SPACING = 0.01  # [s]
 # per interval: friction changes slowly in a long rest, but where a motor creeps around zero velocity, and on
@@ -48,30 +46,19 @@ BORDER = 0.4  # [s] beyond a part, from where a filtered pulse still matters
 
 @dataclass(frozen=True)
 class PulseGroup:
-    """Unknown pulses of about one reversal; a pulse is short, and all of a stretch together mostly zeros.
+    """Unknown pulses of about one reversal; a pulse is short, and all of a stretch together mostly zeros."""
 
-    Attributes:
-        first: sample of the stretch with which they begin.
-        columns: shape (R, n, M), ∂r for a pulse of one standard deviation; zero in other samples.
-    """
-
-    first: int
-    columns: Array
+    first: int  # sample of the stretch with which they begin
+    columns: Array  # (R, n, M), ∂r for a pulse of one standard deviation; zero in other samples
 
 
 @dataclass(frozen=True)
 class Pulses:
-    """Unknown pulses of a stretch or of a part of it.
+    """Unknown pulses of a stretch or of a part of it."""
 
-    Attributes:
-        block: which stretch.
-        rows: samples of the stretch in which they count; they may begin before.
-        groups: the pulses.
-    """
-
-    block: int
-    rows: slice
-    groups: tuple[PulseGroup, ...]
+    block: int  # which stretch
+    rows: slice  # samples of the stretch in which they count; they may begin before
+    groups: tuple[PulseGroup, ...]  # the pulses
 
     @property
     def count(self) -> int:
@@ -122,23 +109,17 @@ def pulses(point: OperatingPoint, x: Array, link: LinkTerms, products: bool = Fa
 
 @dataclass(frozen=True)
 class _Unknown:
-    """What of an effect is unknown in a stretch.
+    """What of an effect is unknown in a stretch."""
 
-    Attributes:
-        index: which stretch.
-        law, joint: the effect.
-        motion: of the joint in the stretch.
-        times, sizes: shape (M,), instants [s] and standard deviations of the pulses.
-        begun: unknown initial states (`LawEffect.unknown`).
-    """
-
-    index: int
+    index: int  # which stretch
+    # law, joint: the effect
     law: LawEffect
     joint: int
-    motion: JointMotion
+    motion: JointMotion  # of the joint in the stretch
+    # times, sizes: (M,), instants [s] and standard deviations of the pulses
     times: Array
     sizes: Array
-    begun: Array
+    begun: Array  # unknown initial states (`LawEffect.unknown`)
 
 
 def _unknown(point: OperatingPoint, x: Array) -> Iterator[_Unknown]:
@@ -158,13 +139,7 @@ def _of_stretch(
 ) -> Iterator[Pulses]:
     """The pulses of one effect in each part of a stretch that has some.
 
-    Args:
-        point: operating point.
-        unknown: of the effect in the stretch.
-        count: pulses of all effects in the stretch.
-        chain: of all samples.
-        lag: the joint's D/K [s].
-        products: as of `pulses`.
+    `count`: pulses of all effects in the stretch; `lag`: the joint's D/K [s].
     """
     index, law, joint, times = unknown.index, unknown.law, unknown.joint, unknown.times
     block, context = point.signals.blocks[index], point.context
@@ -185,7 +160,7 @@ def _of_stretch(
             moved = u if torque else None
             columns = part_of(seen).pulses(moved, bends, joint, time[seen], times[chosen])
         else:
-            columns = part_of(seen).columns(law.entry, joint, u, bends)
+            columns = part_of(seen).columns(law.entry, (joint,), u[..., None], bends[..., None])
         return PulseGroup(seen.start, columns)
 
     begun = unknown.begun
@@ -201,8 +176,8 @@ def _of_stretch(
         groups = [group(inside, chosen) for chosen in _together(times, first, last)]
         lasting = [s[:, inside] for s in begun if np.abs(s[:, rows]).max() >= FADED * np.abs(s).max()]
         if lasting:
-            state = np.array(lasting)
-            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, joint, state, state)))
+            state = np.array(lasting)[..., None]
+            groups.append(PulseGroup(begin, part_of(inside).columns(law.entry, (joint,), state)))
         if groups:
             yield Pulses(index, rows, tuple(groups))
 

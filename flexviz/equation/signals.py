@@ -6,13 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import Observer
-
-Array = NDArray[np.float64]
 
 MIN_SAMPLES = 10  # of a segment without its transients
 FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
@@ -20,46 +18,28 @@ FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
 
 @dataclass(frozen=True)
 class Block:
-    """The samples of one segment.
+    """The samples of one segment."""
 
-    Attributes:
-        group: index into the signals' groups.
-        rows: where its samples are.
-        segment: the raw segment.
-        stride: raw samples per equation sample.
-    """
-
-    group: int
-    rows: slice
-    segment: Segment
-    stride: int
+    group: int  # index into the signals' groups
+    rows: slice  # where its samples are
+    segment: Segment  # the raw segment
+    stride: int  # raw samples per equation sample
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Observer outputs of several groups, stacked along time.
+    """Observer outputs of several groups, stacked along time."""
 
-    Attributes:
-        groups: the trajectory–payload groups.
-        payload: shape (G, n, 10), the known payload's inertial parameters of each group.
-        blocks: which rows belong to which segment.
-        time: shape (N,) [s], each group's own time.
-        theta: shape (5, N, n) [rad/s^k].
-        tau: shape (3, N, n) [Nm/s^k].
-        observer: what made them.
-        torque_hold: [s].
-        sharp: effects see the transmission torque beyond the observer's band, too. A plain fit starts from
-            values too rough for that.
-    """
-
-    groups: tuple[Group, ...]
-    payload: Array
-    blocks: tuple[Block, ...]
-    time: Array
-    theta: Array
-    tau: Array
-    observer: Observer
-    torque_hold: float
+    groups: tuple[Group, ...]  # the trajectory–payload groups
+    payload: Array  # (G, n, 10), the known payload's inertial parameters of each group
+    blocks: tuple[Block, ...]  # which rows belong to which segment
+    time: Array  # (N,) [s], each group's own time
+    theta: Array  # (5, N, n) [rad/s^k]
+    tau: Array  # (3, N, n) [Nm/s^k]
+    observer: Observer  # what made them
+    torque_hold: float  # [s]
+    # effects see the transmission torque beyond the observer's band, too. A plain fit starts from values too
+    # rough for that
     sharp: bool = False
 
     @property
@@ -69,12 +49,8 @@ class Signals:
 
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
-        bandwidth = self.observer.bandwidth
-        return (
-            self.observer
-            if isinstance(bandwidth, float)
-            else self.observer.for_bandwidth(float(np.atleast_1d(bandwidth)[joint]))
-        )
+        bandwidth = np.atleast_1d(self.observer.bandwidth)
+        return self.observer if len(bandwidth) == 1 else self.observer.for_bandwidth(float(bandwidth[joint]))
 
     def kept(self, block: Block) -> slice:
         """Decimated samples of a stretch that are contained in the signals."""

@@ -11,32 +11,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
+from flexviz.arrays import Array
 from flexviz.estimation import pseudo_inertia
 from flexviz.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
-    """The link that takes a joint's inertia.
+    """The link that takes a joint's inertia."""
 
-    Attributes:
-        link: name.
-        inertia: new `pin.Inertia` in the link's frame.
-        rotation: (3, 3) axes of the URDF's inertia in the link's frame.
-        others: links fixed to it.
-        emptied: links among them that lose their inertia.
-    """
-
-    link: str
-    inertia: Any
-    rotation: Array
-    others: tuple[str, ...]
-    emptied: tuple[str, ...]
+    link: str  # name
+    inertia: Any  # new `pin.Inertia` in the link's frame
+    rotation: Array  # (3, 3) axes of the URDF's inertia in the link's frame
+    others: tuple[str, ...]  # links fixed to it
+    emptied: tuple[str, ...]  # links among them that lose their inertia
 
     @property
     def tensor(self) -> Array:

@@ -174,8 +174,7 @@ def _wrapped(lines: Iterable[str]) -> list[str]:
 def _template(name: str, mark: str, tables: CodeTables) -> tuple[str, str]:
     """What stands before and after `mark` in a template, with the sections that the robot needs.
 
-    Raises:
-        InputError: the template has no section for an effect, whose torque the code would miss.
+    InputError for an effect without a section, whose torque the code would miss.
     """
     top, code = (_HERE / name).read_text(encoding="utf-8").split(mark)
     for table in tables.effects.keys() - section_names(code):

@@ -12,16 +12,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
+from flexviz.arrays import Array
 from flexviz.effects import SIGN_VELOCITY
 from flexviz.errors import InputError
 from flexviz.exporting.coverage import CODE, PerJoint, PerRow
 from flexviz.exporting.identified import IdentifiedRobot
 from flexviz.robot import Robot
 
-Array = NDArray[np.float64]
 INDICES = ("joint", "other")  # columns of rows that hold joint indices
 
 
@@ -56,18 +55,15 @@ class CodeTables:
 
 
 def code_tables(identified: IdentifiedRobot) -> CodeTables:
-    """The tables of an identified robot; inertial parameters include the payload.
-
-    Raises:
-        InputError: a joint is neither revolute nor prismatic.
-    """
+    """The tables of an identified robot, payload included; InputError for a joint of another kind."""
     laws = identified.laws
     arrays = _tree(identified.robot)
     gamma = identified.inertial[arrays["JOINT"].values]  # in the order of the bodies
+    inertia = gamma[:, [4, 5, 7, 5, 6, 8, 7, 8, 9]]  # xx xy xz, xy yy yz, xz yz zz
     arrays |= {
         "MASS": CodeArray(gamma[:, 0], "mass [kg]"),
         "MOMENT": CodeArray(gamma[:, 1:4], "mass times centre of mass [kg m]"),
-        "INERTIA": CodeArray(_inertia_matrices(gamma), "about the joint's frame [kg m^2]"),
+        "INERTIA": CodeArray(inertia.reshape(-1, 3, 3), "about the joint's frame [kg m^2]"),
         "GRAVITY": CodeArray(np.array(laws.gravity), "[m/s^2] in the base's frame"),
         "SIGN_VELOCITY": CodeArray(np.array(SIGN_VELOCITY), "[rad/s] sign(v) is tanh(v / SIGN_VELOCITY)"),
         "STIFFNESS": CodeArray(laws["stiffness"], "K [Nm/rad]"),
@@ -96,12 +92,6 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
     if not sections & {"sign", "link_coulomb", "coupled"}:
         del arrays["SIGN_VELOCITY"]
     return CodeTables(arrays, rows, frozenset(sections), effects)
-
-
-def _inertia_matrices(gamma: Array) -> Array:
-    """Inertia (n, 3, 3) about the joint frames [kg m²] from parameters (n, 10)."""
-    xx, xy, yy, xz, yz, zz = gamma[:, 4:].T
-    return np.stack((xx, xy, xz, xy, yy, yz, xz, yz, zz), axis=1).reshape(-1, 3, 3)
 
 
 def _tree(robot: Robot) -> dict[str, CodeArray]:

@@ -36,21 +36,13 @@ class DerivedNumber:
 
 @dataclass(frozen=True)
 class PerJoint(Written):
-    """An effect with one number per joint in generated code; repeated effects add up.
+    """An effect with one number per joint in generated code; repeated effects add up."""
 
-    Attributes:
-        table: name in `Laws`, of the array and of the template section.
-        parameter: the effect's parameter.
-        also: a second array of the same section.
-        always: part of every robot's code, zero or not; has no template section.
-        signed: its torque has the sign of the motor's velocity.
-    """
-
-    table: str
-    parameter: str
-    also: DerivedNumber | None = None
-    always: bool = False
-    signed: bool = False
+    table: str  # name in `Laws`, of the array and of the template section
+    parameter: str  # the effect's parameter
+    also: DerivedNumber | None = None  # a second array of the same section
+    always: bool = False  # part of every robot's code, zero or not; has no template section
+    signed: bool = False  # its torque has the sign of the motor's velocity
 
     def number(self, values: Values) -> float:
         """The joint's number."""
@@ -64,19 +56,13 @@ class PerJoint(Written):
 
 @dataclass(frozen=True)
 class PerRow(Written):
-    """An effect with one row of numbers in generated code.
+    """An effect with one row of numbers in generated code."""
 
-    Attributes:
-        table: name in `Laws`, of the array and of the template section.
-        columns: effect parameter -> column name in the code, in the row's order after the joints.
-        joints: leading columns, which hold joint indices.
-        signed: its torque has the sign of the motor's velocity.
-    """
-
-    table: str
+    table: str  # name in `Laws`, of the array and of the template section
+    # effect parameter -> column name in the code, in the row's order after the joints
     columns: Mapping[str, str]
-    joints: tuple[str, ...] = ("joint",)
-    signed: bool = False
+    joints: tuple[str, ...] = ("joint",)  # leading columns, which hold joint indices
+    signed: bool = False  # its torque has the sign of the motor's velocity
 
 
 @dataclass(frozen=True)

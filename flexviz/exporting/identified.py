@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz import __version__
-from flexviz.effects import EFFECTS
+from flexviz.arrays import Array
+from flexviz.effects import named_effect
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
-Array = NDArray[np.float64]
 VERDICTS = {
     "missing": "an effect is missing from this model",
     "nothing-missing": "nothing is missing from this model",
@@ -39,15 +38,10 @@ VECTORS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous
 
 @dataclass(frozen=True, eq=False)
 class FormatFiles:
-    """An export in one format.
+    """An export in one format."""
 
-    Attributes:
-        contents: file name -> content, the main file first.
-        left_out: parts of the model that it does not contain, one line each.
-    """
-
-    contents: dict[str, bytes]
-    left_out: list[str]
+    contents: dict[str, bytes]  # file name -> content, the main file first
+    left_out: list[str]  # parts of the model that it does not contain, one line each
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,11 +196,7 @@ def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
 
 
 def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) -> FlexibleModel:
-    """The model with a document's parameters.
-
-    Raises:
-        InputError: a parameter is missing, given twice, or belongs to a joint that the set does not have.
-    """
+    """The model with a document's parameters; InputError for one missing, given twice or of no joint."""
     given: dict[str, float] = {}
     for p in document.all_parameters:
         if p.joint is not None and p.joint not in joints:
@@ -233,14 +223,7 @@ def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) 
 
 
 def _check_effect(value: EffectValue, file: str | Path) -> None:
-    known = EFFECTS.get(value.effect)
-    if known is None:
-        raise InputError(
-            f'effect "{value.effect}" does not exist; {choose_from(value.effect, EFFECTS, len(EFFECTS))}; '
-            "load a user-defined effect with --effects-from",
-            file=file,
-        )
-    names = [p.name for p in known.parameters]
+    names = [p.name for p in named_effect(value.effect, file).parameters]
     if set(value.parameters) != set(names):
         found = ", ".join(value.parameters) or "none"
         raise InputError(f"effect {value.text}: parameters {found}, expected {', '.join(names)}", file=file)

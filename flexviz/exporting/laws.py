@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.exporting.coverage import (
     CODE,
@@ -23,26 +23,19 @@ from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import GRAVITY, PayloadBody, Robot
 from flexviz.simulation import check_effect, neighbour
 
-Array = NDArray[np.float64]
 Row = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The model's parameters in the set's joint order; zero disables an effect.
+    """The model's parameters in the set's joint order; zero disables an effect."""
 
-    Attributes:
-        arrays: (n,) stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad], and
-            those of the `PerJoint` effects, by table, units as registered.
-        rows: rows of the `PerRow` effects, by table: joint indices, then the numbers.
-        gravity: (3,) [m/s²] in the base's frame.
-        bodies: the payload's bodies as identified.
-    """
-
+    # (n,) stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad], and those of the
+    # `PerJoint` effects, by table, units as registered
     arrays: Mapping[str, Array]
-    rows: Mapping[str, list[Row]]
-    gravity: tuple[float, float, float] = GRAVITY
-    bodies: tuple[PayloadBody, ...] = ()
+    rows: Mapping[str, list[Row]]  # rows of the `PerRow` effects, by table: joint indices, then the numbers
+    gravity: tuple[float, float, float] = GRAVITY  # (3,) [m/s²] in the base's frame
+    bodies: tuple[PayloadBody, ...] = ()  # the payload's bodies as identified
 
     def __getitem__(self, name: str) -> Array:
         """One of `arrays`, (n,)."""
@@ -58,8 +51,7 @@ def laws(
 ) -> Laws:
     """The laws of `model`, with the `bodies` of the set's payload `payload`.
 
-    Raises:
-        InputError: an effect's joint does not exist, or a value is impossible, such as a stiffness of zero.
+    InputError for a joint that does not exist or an impossible value, such as a stiffness of zero.
     """
     n = robot.n
     per_joint = [code for code in CODE.values() if isinstance(code, PerJoint)]

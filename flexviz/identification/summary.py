@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
-from flexviz.equation import INERTIAL_NAMES, INERTIAL_UNITS, Layout
+from flexviz.equation import INERTIAL_NAMES, Layout
 from flexviz.estimation import BaseParameters, Covariance, Prior
 from flexviz.identification.result import Combination, ParameterEstimate
 from flexviz.identification.thresholds import IDENTIFICATION, IdentificationThresholds
+from flexviz.model import INERTIAL_UNITS
 from flexviz.results import Grade
 
 Array = NDArray[np.float64]
@@ -146,7 +147,7 @@ def combinations(
                 {labels[k]: float(row[k]) for k in np.flatnonzero(row)},
                 float(values[i]),
                 float(deviation[i]),
-                INERTIAL_UNITS[column % 10],
+                INERTIAL_UNITS[INERTIAL_NAMES[column % 10]],
                 grade("inertial", float(deviation[i]), scale, share),
             )
         )

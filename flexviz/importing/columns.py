@@ -101,7 +101,9 @@ def joint_in(spoken: Sequence[str], joints: Sequence[str]) -> tuple[str, tuple[s
         whole = words(joint)
         own = [word for word in whole if word not in shared and word not in _COMMON]
         for wanted in (whole, own if any(not word.isdigit() for word in own) else []):
-            at = position_of(wanted, spoken)
+            count = len(wanted)
+            starts = range(len(spoken) - count, -1, -1) if wanted else ()  # where they stand last counts
+            at = next((i for i in starts if list(spoken[i : i + count]) == wanted), None)
             if at is not None:
                 stem = (*spoken[:at], JOINT, *spoken[at + len(wanted) :])
                 matches.append((len(wanted), joint, stem))
@@ -109,12 +111,6 @@ def joint_in(spoken: Sequence[str], joints: Sequence[str]) -> tuple[str, tuple[s
     longest = max((length for length, _, _ in matches), default=0)
     best = [(joint, stem) for length, joint, stem in matches if length == longest]
     return best[0] if len(best) == 1 else None
-
-
-def position_of(wanted: Sequence[str], spoken: Sequence[str]) -> int | None:
-    """Where the words `wanted` last stand, one after the other, in `spoken`."""
-    starts = range(len(spoken) - len(wanted), -1, -1) if wanted else ()
-    return next((i for i in starts if list(spoken[i : i + len(wanted)]) == list(wanted)), None)
 
 
 def numbers_to_joints(numbers: Sequence[int], joints: Sequence[str]) -> dict[str, int]:

@@ -90,10 +90,9 @@ def conversions(mapping: Mapping, joint: str, name: str, further: Sequence[str] 
     return [one for one, factor in zip(keys, factors, strict=True) if abs(factor - 1.0) > 1e-5]
 
 
-def angle_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]:
-    """An angle in other units or on the other side of the gear."""
-    keys = conversions(mapping, joint, name)
-    return [change_of(mapping, joint, name, one) for one in keys]
+def theta_changes(mapping: Mapping, joint: str) -> list[ColumnChange]:
+    """θ in other units or on the other side of the gear."""
+    return [change_of(mapping, joint, "theta", one) for one in conversions(mapping, joint, "theta")]
 
 
 def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> list[Issue]:

@@ -23,11 +23,7 @@ log = logging.getLogger(__name__)
 
 
 def check_groups(
-    mapping: Mapping,
-    robot: Robot,
-    groups: Sequence[LoadedTable],
-    guessed: bool = False,
-    closely: bool = True,
+    mapping: Mapping, robot: Robot, groups: Sequence[LoadedTable], guessed: bool = False, closely: bool = True
 ) -> list[Issue]:
     """Units, signs, zero positions and mix-ups that the data contradict.
 

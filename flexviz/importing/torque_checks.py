@@ -9,10 +9,9 @@ from itertools import product
 import numpy as np
 
 from flexviz.importing.column_names import CURRENT
-from flexviz.importing.cross_checks import ColumnChange, angle_changes, change_of, conversions
-from flexviz.importing.gear_check import check_gears
+from flexviz.importing.cross_checks import ColumnChange, change_of, conversions, theta_changes
 from flexviz.importing.mapping import Fix, Issue, Mapping
-from flexviz.importing.order_check import check_order
+from flexviz.importing.mix_ups import check_gears, check_order
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueModel, improvement
 from flexviz.measurements import Array
@@ -108,7 +107,7 @@ def hypotheses(mapping: Mapping, model: TorqueModel, now: Reading, any_scale: bo
     """
     names = mapping.names
     result = opposite_signs(mapping, now, names) if len(names) > 1 else []
-    units = [theta_changes(mapping, model, j, now.factor[j]) for j in range(len(names))]
+    units = [into_range(mapping, model, j, now.factor[j]) for j in range(len(names))]
     for label in sorted({label for changes in units for label in changes}):
         result.append(rescaled(now, {j: c[label] for j, c in enumerate(units) if label in c}, label))
     for j, joint in enumerate(names):
@@ -204,7 +203,7 @@ def issue_of(best: Hypothesis, before: Array, after: Array, mapping: Mapping) ->
     return Issue("sign" if key == "sign" else "unit", "wrong", joints, signals, message, best.fixes)
 
 
-def theta_changes(mapping: Mapping, model: TorqueModel, j: int, already: float) -> dict[str, ColumnChange]:
+def into_range(mapping: Mapping, model: TorqueModel, j: int, already: float) -> dict[str, ColumnChange]:
     """Changes that bring a motion too large for joint j into its range, or a very small one up.
 
     `already` is the factor assumed so far. Where q is recorded it decides, not the torques.
@@ -215,7 +214,7 @@ def theta_changes(mapping: Mapping, model: TorqueModel, j: int, already: float) 
     too_large = span > model.width[j] or speed > model.fastest[j]
     return {
         str(change): change
-        for change in angle_changes(mapping, mapping.names[j], "theta")
+        for change in theta_changes(mapping, mapping.names[j])
         if (too_large if change.factor < 1.0 else span < LIMITS.small_motion)
         and in_range(model, j, already * change.factor)
     }
@@ -239,7 +238,7 @@ def check_theta_by_q(mapping: Mapping, model: TorqueModel) -> tuple[list[Issue],
         if not ratio or agrees(ratio) or in_range(model, j, 1.0) or not in_range(model, j, 1 / ratio):
             continue
         message = f"it turns {ratio:.5g} times as far as q"
-        changes = [c for c in angle_changes(mapping, joint, "theta") if agrees(ratio * c.factor)]
+        changes = [c for c in theta_changes(mapping, joint) if agrees(ratio * c.factor)]
         factors[j] = changes[0].factor if changes else 1 / ratio
         if changes:
             message += f": with {changes[0]} they agree"

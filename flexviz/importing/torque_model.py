@@ -7,7 +7,7 @@ so, whatever the masses and the friction really are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -70,7 +70,10 @@ class TorqueModel:
         self.speed = np.max([np.max(np.abs(motion.v), axis=0) for _, motion in samples], axis=0)
         self.width, self.fastest = likely_limits(robot)
         # (n,) θ per q; 0 where q is not recorded or shows another motion
-        self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
+        pairs = (followed(joint_parts([table for _, table in groups], j, "q")) for j in range(robot.n))
+        self.q_ratio = np.array(
+            [1.0 / slope if slope and share >= LIMITS.same_motion else 0.0 for share, slope in pairs]
+        )
         self.inertia = largest_inertia(robot)
         seconds = sum(float(table.time[-1] - table.time[0]) for _, table in groups)
         try:
@@ -80,26 +83,14 @@ class TorqueModel:
         has_masses = bool(np.isfinite(rigid).all() and rigid.any())
         self.usable = seconds >= LIMITS.shortest_motion and has_masses
 
-    def exchanged(self, one: int, other: int, *, theta_too: bool) -> TorqueModel:
-        """The same with the torques of two joints exchanged; `theta_too`: also their motions."""
-        model, order = copy(self), np.arange(self.robot.n)
-        order[[one, other]] = order[[other, one]]
-        moving = order if theta_too else slice(None)
-        model.samples = [
-            (bodies, SampledMotion(m.q[:, moving], m.v[:, moving], m.a[:, moving], m.torque[:, order]))
-            for bodies, m in self.samples
-        ]
-        model.torque = self.torque[:, order]
-        return model
-
-    def behind(self, gears: Array) -> TorqueModel:
-        """The same with angles and torques from before these gears, shape (n,)."""
+    def changed(self, motion: Callable[[Array], Array], torque: Callable[[Array], Array]) -> TorqueModel:
+        """The same with other angles (and their derivatives) and torques, (M, n) each."""
         model = copy(self)
         model.samples = [
-            (bodies, SampledMotion(m.q / gears, m.v / gears, m.a / gears, m.torque * gears))
+            (bodies, SampledMotion(motion(m.q), motion(m.v), motion(m.a), torque(m.torque)))
             for bodies, m in self.samples
         ]
-        model.torque = self.torque * gears
+        model.torque = torque(self.torque)
         return model
 
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
@@ -138,7 +129,7 @@ class TorqueModel:
             shares = np.array([fit.share for fit in fits])
             near = np.flatnonzero(shares >= np.max(shares) - 0.01)
             best = int(near[len(near) // 2])
-            friction = fit_joint(0.0 * rigid, v, a, torque, 0.0, (0.0, 0.0)).share
+            friction = friction_share(v, a, torque)
             slope = fits[best].slope * TORQUE_UNITS[best]
             result.append(TorqueFit(float(shares[best]), float(slope), float(shares[best]) - friction))
         return result
@@ -153,13 +144,9 @@ class TorqueModel:
 
     def by_masses(self, reading: Reading) -> Array:
         """(n,) the part of `shares` that friction and an offset alone do not explain."""
-        rigid, v, a = self.rigid(reading)
-        torque = self.torque * reading.sign
-        joints = zip(rigid.T, v.T, a.T, torque.T, strict=True)
-        friction = [
-            fit_joint(0.0 * r, speed, acc, tau, 0.0, (0.0, 0.0)).share for r, speed, acc, tau in joints
-        ]
-        return self.shares(reading, any_scale=False) - np.array(friction)
+        _, v, a = self.rigid(reading)
+        friction = map(friction_share, v.T, a.T, (self.torque * reading.sign).T)
+        return self.shares(reading, any_scale=False) - np.array(list(friction))
 
     def best_share(self) -> float:
         """How well the torques are explained with any scale and sign; the sum over the joints."""
@@ -168,12 +155,6 @@ class TorqueModel:
         start = Reading.unchanged(self.robot.n)
         fits = [self.fit_any_scale(replace(start, sign=sign * start.sign)) for sign in (1.0, -1.0)]
         return sum(max(plus.share, minus.share) for plus, minus in zip(*fits, strict=True))
-
-
-def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
-    """θ per q of joint j; 0 where q is not recorded or shows another motion."""
-    share, slope = followed(joint_parts(tables, j, "q"))
-    return 1.0 / slope if slope and share >= LIMITS.same_motion else 0.0
 
 
 def largest_inertia(robot: Robot) -> Array:
@@ -210,6 +191,11 @@ def fit_joint(
     x = lower + bounded_minimum(r.T @ (r @ lower - projected), r.T @ r, lower, Bounds(lower, upper))[0]
     unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
     return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
+
+
+def friction_share(v: Array, a: Array, torque: Array) -> float:
+    """Share of a joint's torque that friction and an offset alone explain."""
+    return fit_joint(0.0 * v, v, a, torque, 0.0, (0.0, 0.0)).share
 
 
 def improvement(before: Array, after: Array) -> float:

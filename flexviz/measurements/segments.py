@@ -136,9 +136,7 @@ class Segmented:
 def make_segments(time: Array, signals: Array, n: int) -> Segmented:
     """Split and, where the clock jitters or samples are missing, resample.
 
-    Args:
-        time: (N,) strictly increasing [s].
-        signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm]; overwritten when resampled.
+    `time`: (N,) [s]; `signals`: (N, 2n) θ of every joint [rad], then τ [Nm]; overwritten when resampled.
     """
     segments: list[Segment] = []
     dropped, filled, jitters = 0, 0, False

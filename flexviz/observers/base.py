@@ -8,11 +8,10 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.measurements import Segment
 from flexviz.observers.gains import EsoGains
-
-Array = NDArray[np.float64]
 
 THETA_DERIVATIVES = 5  # θ … θ⁗
 TAU_DERIVATIVES = 3  # τ, τ̇, τ̈
@@ -123,17 +122,13 @@ class Observer(ABC):
     def settling(self) -> tuple[float, float]:
         """Time [s] after the start and before the end of a segment within which the states are transients."""
 
-    def disturbance(self, theta: Array, step: float) -> Array | None:
-        """The disturbance state, shape (N, n) [rad/s⁵]; None if the observer has none."""
-        return None
-
     def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
         """All states at the sampling rate of the segment, for display."""
         return ObserverStates(
             time=segment.time,
             theta=self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, position=True),
             tau=self.derivatives(segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2),
-            disturbance=self.disturbance(segment.theta, segment.step),
+            disturbance=None,
             valid=self.valid(segment.time),
         )
 

@@ -17,23 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import sp
+from flexviz.arrays import Array
 
 ORDER = 6
 
-Array = NDArray[np.float64]
-
 
 def cascade(y: Array, step: float, bandwidth: float, stride: int = 1) -> Array:
-    """Outputs of the six sections.
+    """z_1 … z_6 at every stride-th sample of y (N, m), shape (6, ceil(N / stride), m).
 
-    Args:
-        y: shape (N, m). Before the first sample it is taken as constant.
-        step: sampling step [s].
-        bandwidth: w [rad/s].
-        stride: only every stride-th sample is returned.
-
-    Returns:
-        shape (6, ceil(N / stride), m): z_1 … z_6.
+    `step` is that of y [s], `bandwidth` w [rad/s]. Before the first sample y is taken as constant.
     """
     x = bandwidth * step
     number = np.arange(1, ORDER + 1)

@@ -12,14 +12,12 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.measurements import Segment
 from flexviz.observers.base import Observer, ObserverStates, shifted
 from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
 from flexviz.observers.gains import EsoGains, StateFilter
-
-Array = NDArray[np.float64]
 
 # an error in the initial state fades as (wt)⁵e^(−wt)/5!, and the k-th derivative starts with w^k of it
 SETTLED = 25.0
@@ -136,9 +134,6 @@ class CausalEso(_PoleObserver):
         if self._filter is None:
             return super()._filtered(y, step, w, orders, stride)
         return self._filter.states(y, step, w, orders)[:, ::stride]
-
-    def disturbance(self, theta: Array, step: float) -> Array:
-        return self._states(theta, step, range(ORDER - 1, ORDER))[0]
 
     def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
         states = self._states(segment.theta, segment.step, range(ORDER))

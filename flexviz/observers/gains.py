@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexviz._scipy import sp
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.observers.cascade import ORDER
-
-Array = NDArray[np.float64]
 
 LEAST_DECAY = 1e-3  # of the slowest pole, relative to the bandwidth: slower ones never settle in a record
 LARGEST_STEP = 20.0  # bandwidth × step: beyond, the matrix exponential loses its digits

@@ -12,10 +12,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.fourier import quick_length
 from flexviz.observers.base import Observer
-
-Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
 

@@ -3,9 +3,9 @@
 from flexviz.simulation.building import check_effect, make_plant, simulated_effects
 from flexviz.simulation.control import PDController
 from flexviz.simulation.effect_laws import neighbour, scaled_body, tilted_gravity
-from flexviz.simulation.extra_laws import ExtraLaw, Pull
 from flexviz.simulation.following import follow
 from flexviz.simulation.inject import MotionScale, default_parameters, inject, motion_scale
+from flexviz.simulation.laws import ExtraLaw, Pull
 from flexviz.simulation.model_replay import replay
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS, perturbed

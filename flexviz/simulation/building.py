@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,23 +11,9 @@ from flexviz.effects import EFFECTS
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation.effect_laws import LAWS, STANDARD_GRAVITY, Assembly
-from flexviz.simulation.extra_laws import UserEffectLaw
-from flexviz.simulation.laws import ROOM_TEMPERATURE
+from flexviz.simulation.effect_laws import LAWS, STANDARD_GRAVITY, Assembly, TorquePath
+from flexviz.simulation.laws import ROOM_TEMPERATURE, UserEffectLaw
 from flexviz.simulation.plant import Array, Plant
-
-
-@dataclass(frozen=True, eq=False)
-class TorquePath:
-    """From the recorded to the applied torque: applied = (1 + g)·recorded, `delay` later.
-
-    Attributes:
-        gain_error: shape (n,), g [-].
-        delay: shape (n,) [s].
-    """
-
-    gain_error: Array
-    delay: Array
 
 
 def make_plant(
@@ -55,8 +41,8 @@ def make_plant(
     )
     degrees = np.full(robot.n, ROOM_TEMPERATURE) if temperature is None else np.asarray(temperature, float)
     gravity = (0.0, 0.0, -STANDARD_GRAVITY)
-    no_gain_error, no_delay = np.zeros((2, robot.n))
-    made = Assembly(robot, plant, tuple(payload), gravity, no_gain_error, no_delay, robot.to_pin(degrees))
+    path = TorquePath(*np.zeros((2, robot.n)))
+    made = Assembly(robot, plant, tuple(payload), gravity, path, robot.to_pin(degrees))
     for effect in model.effects:
         if effect.group not in (None, group) or effect.payload not in (None, payload_name):
             continue
@@ -69,7 +55,7 @@ def make_plant(
             law = UserEffectLaw.of(EFFECTS[effect.effect], effect.parameters)
             plant.extra += [(i, law) for i in joints]
     plant.model = robot.model_with(model.inertial, made.bodies, made.gravity)
-    return plant, TorquePath(made.gain_error, made.delay)
+    return plant, path
 
 
 def is_simulated(name: str) -> bool:
@@ -80,6 +66,14 @@ def is_simulated(name: str) -> bool:
 def simulated_effects() -> tuple[str, ...]:
     """The effects that can be injected."""
     return tuple(name for name in EFFECTS if is_simulated(name))
+
+
+def require_simulated(name: str, what: str = "simulated") -> None:
+    """InputError for an effect that does not exist, or that cannot be `what`."""
+    if not is_simulated(name):
+        if name in EFFECTS:
+            raise InputError(f'effect "{name}" cannot be {what}: its class has no simulation')
+        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
 
 
 def without_unsimulated(model: FlexibleModel) -> tuple[FlexibleModel, list[str]]:
@@ -94,10 +88,7 @@ def without_unsimulated(model: FlexibleModel) -> tuple[FlexibleModel, list[str]]
 def check_effect(effect: EffectValue, joints: Sequence[str]) -> None:
     """InputError when the effect, its joint or one of its parameters does not exist."""
     name = effect.effect
-    if not is_simulated(name):
-        if name in EFFECTS:
-            raise InputError(f'effect "{name}" cannot be simulated: its class has no simulation')
-        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
+    require_simulated(name)
     if effect.joint is not None and effect.joint not in joints:
         valid = choose_from(effect.joint, joints)
         raise InputError(f'effect {name}: joint "{effect.joint}" does not exist; {valid}')

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from flexviz.simulation.plant import Array
@@ -17,24 +17,15 @@ class PDController:
     """τ = k_p (θ_d − θ) + k_d (θ̇_d − θ̇), computed once per cycle and held.
 
     Attributes:
-        kp: (n,) [Nm/rad].
-        kd: (n,) [Nm s/rad].
+        kp, kd: (n,), or one number for all joints [Nm/rad], [Nm s/rad].
         cycle: [s].
         torque_filter: bandwidth of a 6th-order ESO that filters applied and recorded torque [rad/s], or None.
     """
 
-    kp: Array
-    kd: Array
+    kp: Any
+    kd: Any
     cycle: float
     torque_filter: float | None = None
-
-    def __init__(
-        self, kp: ArrayLike, kd: ArrayLike, cycle: float, torque_filter: float | None = None
-    ) -> None:
-        object.__setattr__(self, "kp", np.array(kp, dtype=float))
-        object.__setattr__(self, "kd", np.array(kd, dtype=float))
-        object.__setattr__(self, "cycle", float(cycle))
-        object.__setattr__(self, "torque_filter", torque_filter)
 
 
 class TorqueFilter:
@@ -44,13 +35,11 @@ class TorqueFilter:
     """
 
     def __init__(self, bandwidth: float, cycle: float, start: Array) -> None:
+        gain = [comb(6, i) for i in range(1, 7)]
         a = np.zeros((7, 7))
-        for i in range(6):
-            gain = comb(6, i + 1)
-            a[i, 0] -= gain
-            a[i, 6] = gain  # input column
-            if i < 5:
-                a[i, i + 1] += 1.0
+        a[:6, :6] = np.eye(6, k=1)
+        a[:6, 0] -= gain
+        a[:6, 6] = gain  # of the input
         exact = expm(a * bandwidth * cycle)
         self._a, self._b = exact[:6, :6].copy(), exact[:6, 6:].copy()
         self._state = np.zeros((6, len(start)))

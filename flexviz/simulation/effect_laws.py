@@ -4,39 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 
 from flexviz.errors import InputError
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import laws
-from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.laws import BreakAway, Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.laws import ElasticJoint
 from flexviz.simulation.plant import Array, Plant
 
 STANDARD_GRAVITY = 9.81  # [m/s²]
 
 
+@dataclass(frozen=True, eq=False)
+class TorquePath:
+    """From the recorded to the applied torque: applied = (1 + g)·recorded, `delay` later."""
+
+    gain_error: Array  # (n,), g [-]
+    delay: Array  # (n,) [s]
+
+
 @dataclass
 class Assembly:
-    """A plant under construction, to which effects are added; Pinocchio's joint order.
-
-    Attributes:
-        plant: still without a model.
-        bodies: the payload.
-        gravity: shape (3,), in the base frame [m/s²].
-        gain_error, delay: shape (n,), of the torque path [-], [s].
-        temperature: shape (n,), of the joints during the run [°C].
-    """
+    """A plant under construction, to which effects are added; Pinocchio's joint order."""
 
     robot: Robot
-    plant: Plant
-    bodies: tuple[PayloadBody, ...]
-    gravity: tuple[float, float, float]
-    gain_error: Array
-    delay: Array
-    temperature: Array
+    plant: Plant  # still without a model
+    bodies: tuple[PayloadBody, ...]  # the payload
+    gravity: tuple[float, float, float]  # (3,), in the base frame [m/s²]
+    path: TorquePath  # from the recorded to the applied torque
+    temperature: Array  # (n,), of the joints during the run [°C]
 
 
 def neighbour(robot: Robot, i: int) -> int:
@@ -67,28 +67,32 @@ Enter = Callable[[Assembly, Sequence[int], Parameters], None]
 
 @dataclass(frozen=True)
 class EffectLaw:
-    """Implementation of an effect.
+    """Implementation of an effect."""
 
-    Attributes:
-        enter: adds the law to a plant, on the given joints.
-        positive, not_negative: parameters that must be > 0, or ≥ 0.
-    """
-
-    enter: Enter
+    enter: Enter  # adds the law to a plant, on the given joints
+    # positive, not_negative: parameters that must be > 0, or ≥ 0
     positive: tuple[str, ...] = ()
     not_negative: tuple[str, ...] = ()
 
 
-def motor(law: Callable[..., MotorLaw], positive: tuple[str, ...] = ()) -> EffectLaw:
-    """A motor law on each joint."""
-    return EffectLaw(
-        lambda made, joints, p: made.plant.motor_laws.extend((i, law(**p)) for i in joints), positive
-    )
+def on_each(
+    part: str,
+    law: Callable[..., Any],
+    positive: tuple[str, ...] = (),
+    not_negative: tuple[str, ...] = (),
+    **of_joint: Callable[[Assembly, int], float],
+) -> EffectLaw:
+    """A law in a list of the plant on each joint; `of_joint`: further arguments that depend on the joint."""
+
+    def enter(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+        for i in joints:
+            more = {name: value(made, i) for name, value in of_joint.items()}
+            getattr(made.plant, part).append((i, law(**p, **more)))
+
+    return EffectLaw(enter, positive, not_negative)
 
 
-def link(law: Callable[..., LinkLaw]) -> EffectLaw:
-    """A link law on each joint."""
-    return EffectLaw(lambda made, joints, p: made.plant.link_laws.extend((i, law(**p)) for i in joints))
+motor, link = partial(on_each, "motor_laws"), partial(on_each, "link_laws")
 
 
 def elastic(
@@ -103,32 +107,12 @@ def elastic(
     return EffectLaw(enter, not_negative=not_negative)
 
 
-def _presliding(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    made.plant.presliding += [(i, Dahl(**p)) for i in joints]
-
-
-def _startup_friction(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    made.plant.extra += [(i, BreakAway(**p)) for i in joints]
-
-
-def _friction_drift(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    viscous = made.plant.motor_viscous
-    made.plant.motor_laws += [(i, laws.friction_drift(**p, viscous=float(viscous[i]))) for i in joints]
-
-
-def _temperature_friction(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    degrees = made.temperature
-    made.plant.motor_laws += [
-        (i, laws.temperature_friction(**p, temperature=float(degrees[i]))) for i in joints
-    ]
-
-
 def _torque_gain(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    made.gain_error[list(joints)] += p["gain_error"]
+    made.path.gain_error[list(joints)] += p["gain_error"]
 
 
 def _torque_delay(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    made.delay[list(joints)] += p["delay"]
+    made.path.delay[list(joints)] += p["delay"]
 
 
 def _payload_error(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
@@ -161,10 +145,16 @@ LAWS: dict[str, EffectLaw] = {
     "directional_friction": motor(laws.directional_friction),
     "thinning_friction": motor(laws.thinning_friction, positive=("velocity",)),
     "load_dependent_friction": motor(laws.load_dependent_friction),
-    "presliding_hysteresis": EffectLaw(_presliding, positive=("presliding_stiffness", "coulomb")),
-    "startup_friction": EffectLaw(_startup_friction, positive=("angle",)),
-    "friction_drift": EffectLaw(_friction_drift, positive=("time_constant",)),
-    "temperature_friction": EffectLaw(_temperature_friction, not_negative=("viscous_fall",)),
+    "presliding_hysteresis": on_each("extra", laws.Dahl, ("presliding_stiffness", "coulomb")),
+    "startup_friction": on_each("extra", laws.BreakAway, ("angle",)),
+    "friction_drift": motor(
+        laws.friction_drift, ("time_constant",), viscous=lambda made, i: float(made.plant.motor_viscous[i])
+    ),
+    "temperature_friction": motor(
+        laws.temperature_friction,
+        not_negative=("viscous_fall",),
+        temperature=lambda made, i: float(made.temperature[i]),
+    ),
     "torque_ripple": motor(laws.torque_ripple),
     "torque_offset": motor(laws.torque_offset),
     "torque_gain": EffectLaw(_torque_gain),

@@ -129,6 +129,6 @@ def _motor_laws(plant: Plant, time: Array, theta: Array, velocity: Array, load: 
         for step in np.diff(theta[:, i], prepend=theta[0, i]).tolist():
             limit = np.sign(step) / decay  # exact solution of dz/dθ = 1 − sign(θ̇) z σ/f_c over one step
             z = limit + (z - limit) * np.exp(-decay * abs(step))
-            states.append(law.torque(z))
+            states.append(law.presliding_stiffness * z)
         out[:, i] += states
     return out

@@ -33,7 +33,6 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
     Stiffness, motor inertia, friction and controller are plausible values proportional to the inertia, not
     those of a real robot. The URDF and the meshes in its folder become files of the set.
 
-
     Raises:
         InputError: the URDF cannot be read or has no inertia, or the limits of a joint are too narrow.
     """

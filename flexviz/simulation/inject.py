@@ -14,9 +14,9 @@ from flexviz.effects import EFFECTS, Effect, JointScale, is_user_defined
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import SetHeader
 from flexviz.model import EffectValue
-from flexviz.simulation.building import is_simulated, simulated_effects
+from flexviz.simulation.building import require_simulated
 from flexviz.simulation.effect_laws import LAWS
-from flexviz.simulation.plan import Plan
+from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.plant import Array
 
 NONE = "none"
@@ -42,11 +42,7 @@ def inject(plan: Plan, wanted: Sequence[str]) -> Plan:
             place = " ".join(str(x) for x in one[1:] if x)
             raise InputError(f'effect "{one[0]}" is given twice{f" on {place}" if place else ""}')
     if any(EFFECTS[e.effect].by_temperature for e in effects):
-        groups = (
-            replace(group, temperature=group.temperature or (degrees,) * plan.robot.n)
-            for group, degrees in zip(plan.groups, cycle(TEMPERATURES), strict=False)
-        )
-        plan = replace(plan, groups=tuple(groups))
+        plan = replace(plan, groups=warmed(plan, TEMPERATURES, keep=True))
     return replace(plan, model=replace(plan.model, effects=(*plan.model.effects, *effects)))
 
 
@@ -56,21 +52,19 @@ def at_temperatures(plan: Plan, degrees: Sequence[float]) -> Plan:
         expected = f"one per group ({len(plan.groups)}) or one for all"
         raise InputError(f"{len(degrees)} temperatures, expected {expected}")
     SetHeader.check_temperature(list(degrees), len(degrees), None, "groups")
-    each = degrees if len(degrees) > 1 else [degrees[0]] * len(plan.groups)
-    groups = (
-        replace(group, temperature=(float(value),) * plan.robot.n)
-        for group, value in zip(plan.groups, each, strict=True)
-    )
-    return replace(plan, groups=tuple(groups))
+    return replace(plan, groups=warmed(plan, degrees))
+
+
+def warmed(plan: Plan, degrees: Sequence[float], keep: bool = False) -> tuple[PlannedGroup, ...]:
+    """The groups with temperatures [°C] in turn; `keep` those that they have."""
+    n, pairs = plan.robot.n, zip(plan.groups, cycle(degrees), strict=False)
+    return tuple(replace(g, temperature=(keep and g.temperature) or (float(t),) * n) for g, t in pairs)
 
 
 def parse(text: str, plan: Plan) -> list[EffectValue]:
     """The effects of one option; one on every joint if it names none."""
     name, *rest = (part.strip() for part in text.split(":"))
-    if not is_simulated(name):
-        if name in EFFECTS:
-            raise InputError(f'effect "{name}" cannot be hidden: its class has no simulation')
-        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
+    require_simulated(name, "hidden")
     effect = EFFECTS[name]
     place: str | None = rest.pop(0) if rest and "=" not in rest[0] else None
     given = _values(text, rest)

@@ -95,9 +95,9 @@ def _laws(
     """A function of t that adds the torques of all laws at the state `y` to `force`; None without any law."""
     n, extra, contacts = plant.n, plant.extra, plant.contacts
     link, motor, carried = force[:n], force[n : 2 * n], force[2 * n :]
-    motor_laws, link_laws, presliding = plant.motor_laws, plant.link_laws, list(enumerate(plant.presliding))
-    elastic, coupled_laws = list(plant.elastic.items()), plant.coupled_laws
-    if not (motor_laws or link_laws or coupled_laws or presliding or elastic or contacts or extra):
+    motor_laws, link_laws, coupled_laws = plant.motor_laws, plant.link_laws, plant.coupled_laws
+    elastic = list(plant.elastic.items())
+    if not (motor_laws or link_laws or coupled_laws or elastic or contacts or extra):
         return None
 
     def add_laws(t: float) -> None:
@@ -121,10 +121,6 @@ def _laws(
             torque = law(values[3 * n + i], values[3 * n + k])
             motor[i] -= torque
             motor[k] -= torque
-        for k, (i, law) in presliding:
-            z, velocity = values[4 * n + k], values[3 * n + i]
-            motor[i] -= law.torque(z)
-            rate[4 * n + k] = law.rate(z, velocity)
         if contacts:
             np.add(link, external, out=link)
 

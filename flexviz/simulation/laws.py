@@ -10,12 +10,15 @@ sign(v) is tanh(v / 0.005 rad/s).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import asinh, cos, exp, sin, tanh
+from typing import ClassVar, NamedTuple
 
-from flexviz.effects import JointState
-from flexviz.simulation.extra_laws import ExtraLaw, Pull
+import numpy as np
+
+from flexviz.effects import Effect, JointState
 
 SIGN_WIDTH = 0.005  # [rad/s]
 REST_SPEED = 0.005  # [rad/s] below which start-up friction returns ...
@@ -104,20 +107,101 @@ def coupled_friction(coulomb: float, viscous: float) -> CoupledLaw:
     return lambda own, other: coulomb * tanh((own + other) / SIGN_WIDTH) + viscous * (own + other)
 
 
+@dataclass
+class ElasticJoint:
+    """One joint's elastic law with all joint effects; zero switches an effect off.
+
+    x = deadzone(θ + a sin(nθ + φ) − q, b), τ_j = K x + k₃ x³ + D ẋ. The motor equation keeps τ_j: what the
+    transmission error does to the motor is neglected.
+    """
+
+    stiffness: float  # K [Nm/rad]
+    cubic: float = 0.0  # k₃ [Nm/rad³]
+    half_width: float = 0.0  # backlash b [rad]
+    damping: float = 0.0  # D [Nm s/rad]
+    # transmission errors (amplitude [rad], order [-], phase [rad])
+    errors: tuple[tuple[float, float, float], ...] = ()
+
+    def torque(self, theta: float, q: float, theta_velocity: float, q_velocity: float) -> float:
+        """τ_j [Nm]"""
+        x = theta - q
+        speed = theta_velocity
+        for amplitude, order, phase in self.errors:
+            x += amplitude * sin(order * theta + phase)
+            speed += amplitude * order * cos(order * theta + phase) * theta_velocity
+        b = self.half_width
+        if -b < x < b:
+            return 0.0  # inside the gap
+        if b:
+            x -= b if x > 0 else -b
+        return self.stiffness * x + self.cubic * x * x * x + self.damping * (speed - q_velocity)
+
+    def shift(self, theta: float) -> float:
+        """Transmission error at θ [rad]."""
+        return sum(a * sin(n * theta + phase) for a, n, phase in self.errors)
+
+    def opening(self, torque: float) -> float:
+        """The δ = θ + error − q at which the joint at rest carries `torque` [Nm]."""
+        k, k3 = self.stiffness, self.cubic
+        x = torque / k
+        if k3:
+            for _ in range(60):
+                step = (k * x + k3 * x**3 - torque) / max(k + 3 * k3 * x * x, 1e-3 * k)
+                x -= step
+                if abs(step) < 1e-15:
+                    break
+        if self.half_width and torque:
+            x += self.half_width if torque > 0 else -self.half_width
+        return x
+
+    def tangent(self, torque: float) -> float:
+        """dτ_j/dδ where the joint carries about `torque` [Nm/rad]."""
+        x = torque / self.stiffness
+        return self.stiffness + 3 * max(self.cubic, 0.0) * x * x
+
+
+class Pull(NamedTuple):
+    """Torques of a law on its joint.
+
+    Attributes:
+        motor, link: torques opposing the motor and the link [Nm].
+        joint: additional joint torque [Nm].
+        rates: time derivatives of the law's states.
+    """
+
+    motor: float = 0.0
+    link: float = 0.0
+    joint: float = 0.0
+    rates: Sequence[float] = ()
+
+
+class ExtraLaw(ABC):
+    """A law on one joint, smooth over an integration step.
+
+    Attributes:
+        states: number of its states, which start at zero.
+    """
+
+    states: ClassVar[int] = 0
+
+    @abstractmethod
+    def pull(self, at: JointState) -> Pull:
+        """Its torques at one instant, and the rates of its states."""
+
+
 @dataclass(frozen=True)
-class Dahl:
-    """Presliding hysteresis: friction σz with ż = θ̇ − |θ̇| z σ/f_c; z [rad] is a state of the simulation."""
+class Dahl(ExtraLaw):
+    """Presliding hysteresis: friction σz with ż = θ̇ − |θ̇| z σ/f_c, z in rad."""
 
     presliding_stiffness: float  # σ [Nm/rad]
     coulomb: float  # f_c [Nm]
+    states = 1
 
-    def torque(self, z: float) -> float:
-        """σ z [Nm]"""
-        return self.presliding_stiffness * z
-
-    def rate(self, z: float, velocity: float) -> float:
-        """ż [rad/s]"""
-        return velocity - abs(velocity) * z * self.presliding_stiffness / self.coulomb
+    def pull(self, at: JointState) -> Pull:
+        """σ z on the motor [Nm], and ż [rad/s]."""
+        z, velocity = at.z[0], at.theta_velocity
+        rate = velocity - abs(velocity) * z * self.presliding_stiffness / self.coulomb
+        return Pull(motor=self.presliding_stiffness * z, rates=(rate,))
 
 
 @dataclass(frozen=True)
@@ -134,3 +218,23 @@ class BreakAway(ExtraLaw):
         healing = exp(-((speed / REST_SPEED) ** 2)) / REST_TIME
         rate = (1.0 - worn) * abs(speed) / self.angle - worn * healing
         return Pull(motor=self.startup * (1.0 - worn) * tanh(speed / SIGN_WIDTH), rates=(rate,))
+
+
+class UserEffectLaw(ExtraLaw):
+    """The torque of a user-defined effect, on the side where the effect acts."""
+
+    def __init__(self, where: str, torque: Callable[[JointState], float]) -> None:
+        self._where, self._torque = where, torque
+
+    @staticmethod
+    def of(effect: Effect, parameters: Mapping[str, float]) -> UserEffectLaw:
+        """The law of an effect that can be simulated, with these parameters."""
+        torque = effect.simulation(np.array([parameters[p.name] for p in effect.parameters]))
+        assert torque is not None
+        return UserEffectLaw(effect.where, torque)
+
+    def pull(self, at: JointState) -> Pull:
+        torque = float(self._torque(at))
+        if self._where == "motor":
+            return Pull(motor=torque)
+        return Pull(link=torque) if self._where == "link" else Pull(joint=torque)

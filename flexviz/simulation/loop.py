@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from flexviz.errors import Cancelled, ConvergenceError
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.simulation import rates
 from flexviz.simulation.building import TorquePath
 from flexviz.simulation.control import TorqueFilter
@@ -22,33 +22,25 @@ LARGEST_TORQUE = 1e12  # [Nm] beyond which the simulation counts as diverged
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A plant under τ = target(t) − k_p θ − k_d θ̇, held for a cycle (n joints, Pinocchio's order).
-
-    Attributes:
-        target: (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm].
-        cycle: [s].
-        smooth: filter of the applied and recorded torque, or None.
-        feedback: measured motion for the controller; None: the true motion.
-        step: largest integration step [s]; None: from the fastest motion.
-    """
+    """A plant under τ = target(t) − k_p θ − k_d θ̇, held for a cycle (n joints, Pinocchio's order)."""
 
     plant: Plant
     torque_path: TorquePath
-    target: Array
+    target: Array  # (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm]
     kp: Array
     kd: Array
-    cycle: float
-    smooth: TorqueFilter | None = None
-    feedback: Feedback | None = None
-    step: float | None = None
+    cycle: float  # [s]
+    smooth: TorqueFilter | None = None  # filter of the applied and recorded torque, or None
+    feedback: Feedback | None = None  # measured motion for the controller; None: the true motion
+    step: float | None = None  # largest integration step [s]; None: from the fastest motion
 
     def drive(
         self,
         x: Array,
         before: Array,
         cycles: int | None = None,
-        progress: ProgressCallback | None = None,
-        should_stop: StopCallback | None = None,
+        progress: ProgressCallback = ignore,
+        should_stop: StopCallback = never,
     ) -> tuple[Array, Array]:
         """States (cycles, 4n + …) at the start of every cycle, and the torques (cycles, n) of the cycles.
 
@@ -86,14 +78,12 @@ class Loop:
                     advance(applied * gain, now + offset, length, count)
             if k % PROGRESS_CYCLES == 0:
                 _check(tau, now)
-                if should_stop is not None and should_stop():
+                if should_stop():
                     raise Cancelled("the simulation was stopped")
-                if progress is not None:
-                    progress(Progress("simulating", k / cycles))
+                progress(Progress("simulating", k / cycles))
         if not np.isfinite(states[-1]).all():
             raise ConvergenceError("the simulation diverged")
-        if progress is not None:
-            progress(Progress("simulating", 1.0))
+        progress(Progress("simulating", 1.0))
         return states, torques
 
     def _substeps(self, x: Array) -> int:

@@ -17,7 +17,7 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.measurements import Group, Segment
 from flexviz.model import FlexibleModel
-from flexviz.progress import Progress, ProgressCallback, StopCallback, part
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.robot import Robot
 from flexviz.simulation import rates, starting
 from flexviz.simulation.building import TorquePath, make_plant, without_unsimulated
@@ -43,8 +43,8 @@ def replay(
     *,
     torque_hold: float = 0.0,
     duration: float | None = None,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Run:
     """Forward simulation of `model` along `group`, sampled at the group's own instants.
 
@@ -77,15 +77,14 @@ def replay(
             break
         count = len(segment) if left == np.inf else min(len(segment), ceil(left / segment.step) + 1)
         segment = _first(segment, count)
-        report = progress and part(progress, done / total, (done + count) / total)
+        report = part(progress, done / total, (done + count) / total)
         runs.append(
             _replay_segment(
                 robot, plant, torque_path, group, segment, gains, closed, torque_hold, report, should_stop
             )
         )
         done, left = done + count, left - count * segment.step
-    if progress is not None:
-        progress(Progress("simulating", 1.0))
+    progress(Progress("simulating", 1.0))
     how = (
         "closed loop: the set's controller drives the model along the recorded reference"
         if closed
@@ -103,8 +102,8 @@ def _replay_segment(
     gains: tuple,
     closed: bool,
     torque_hold: float,
-    progress: ProgressCallback | None,
-    should_stop: StopCallback | None,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> Run:
     n, step, start = robot.n, segment.step, segment.time[0]
     kp, kd = (robot.to_pin(np.broadcast_to(np.asarray(g, dtype=float), n)) for g in gains)

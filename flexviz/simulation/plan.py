@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexviz.model import FlexibleModel
-from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.control import PDController
-from flexviz.simulation.extra_laws import ExtraLaw
+from flexviz.simulation.laws import ExtraLaw
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Reference
 from flexviz.simulation.run import Run, simulate_run
-from flexviz.simulation.sensors import Sensors
+from flexviz.simulation.sensors import Seed, Sensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +88,9 @@ class Plan:
         self,
         group: PlannedGroup,
         *,
-        seed: object = None,
-        progress: ProgressCallback | None = None,
-        should_stop: StopCallback | None = None,
+        seed: Seed = None,
+        progress: ProgressCallback = ignore,
+        should_stop: StopCallback = never,
     ) -> Run:
         """Simulate one group without sensor noise, unless it is fed back (then `seed` matters)."""
         sensors = self.sensors if self.sensors.feedback else Sensors(torque_filter=self.sensors.torque_filter)
@@ -105,7 +105,7 @@ class Plan:
             record_step=group.record_step,
             start=self.start,
             sensors=sensors,
-            seed=seed,  # type: ignore[arg-type]
+            seed=seed,
             group=group.name,
             payload_name=group.payload,
             temperature=group.temperature,

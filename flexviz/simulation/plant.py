@@ -1,7 +1,6 @@
 """The simulated flexible-joint robot: parameters, laws and joint torque.
 
-Arrays are in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z] with the states z of presliding and
-extra laws.
+Arrays are in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z] with the states z of extra laws.
 """
 
 from __future__ import annotations
@@ -13,40 +12,31 @@ from typing import Any
 import numpy as np
 
 from flexviz.effects import JointState
-from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.extra_laws import ExtraLaw, Pull
-from flexviz.simulation.laws import CoupledLaw, Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.laws import CoupledLaw, Dahl, ElasticJoint, ExtraLaw, LinkLaw, MotorLaw, Pull
 
 Array = np.ndarray
 
 
 @dataclass
 class Plant:
-    """A robot with its parameters and effects, ready to be integrated (n joints, Pinocchio's order).
+    """A robot with its parameters and effects, ready to be integrated (n joints, Pinocchio's order)."""
 
-    Attributes:
-        model: Pinocchio model with the link-side inertias, payload and gravity.
-        stiffness, link_viscous, motor_viscous: (n,).
-        motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
-        motor_laws, link_laws: (joint index, law).
-        coupled_laws: (joint index, other joint's index, law), zero at rest.
-        presliding: (joint index, Dahl).
-        elastic: joint index -> law, for joints other than linear springs.
-        contacts: (joint index, torque [Nm], start [s], end [s]).
-        extra: (joint index, law): with own states, user-defined, or of no library.
-    """
-
-    model: Any
+    model: Any  # Pinocchio model with the link-side inertias, payload and gravity
+    # stiffness, link_viscous, motor_viscous: (n,)
     stiffness: Array
-    motor_inertia: Array
+    motor_inertia: Array  # (n, n) [kg m²], diagonal unless motors couple
     link_viscous: Array
     motor_viscous: Array
+    # motor_laws, link_laws: (joint index, law)
     motor_laws: list[tuple[int, MotorLaw]] = field(default_factory=list)
     link_laws: list[tuple[int, LinkLaw]] = field(default_factory=list)
+    # (joint index, other joint's index, law), zero at rest
     coupled_laws: list[tuple[int, int, CoupledLaw]] = field(default_factory=list)
-    presliding: list[tuple[int, Dahl]] = field(default_factory=list)
+    # joint index -> law, for joints other than linear springs
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
+    # (joint index, torque [Nm], start [s], end [s])
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)
+    # (joint index, law): with own states, user-defined, or of no library
     extra: list[tuple[int, ExtraLaw]] = field(default_factory=list)
 
     @property
@@ -54,13 +44,18 @@ class Plant:
         """Number of joints."""
         return len(self.stiffness)
 
+    @property
+    def presliding(self) -> list[tuple[int, Dahl]]:
+        """Those of the extra laws that are Dahl's."""
+        return [(i, law) for i, law in self.extra if isinstance(law, Dahl)]
+
     def joint(self, i: int) -> ElasticJoint:
         """The elastic law of joint i."""
         return self.elastic.get(i) or ElasticJoint(float(self.stiffness[i]))
 
     def empty_state(self) -> Array:
-        """A state vector (4n + presliding and own states) of zeros."""
-        return np.zeros(4 * self.n + len(self.presliding) + sum(law.states for _, law in self.extra))
+        """A state vector (4n + own states) of zeros."""
+        return np.zeros(4 * self.n + sum(law.states for _, law in self.extra))
 
     def pulls(
         self, time: float, y: list[float], carried: Sequence[float] | Array
@@ -69,8 +64,7 @@ class Plant:
 
         `carried` (n,) is the joint torque by the library's laws [Nm].
         """
-        n, out = self.n, []
-        at = 4 * n + len(self.presliding)
+        n, at, out = self.n, 4 * self.n, []
         for i, law in self.extra:
             z = y[at : at + law.states]
             state = JointState(time, y[n + i], y[3 * n + i], y[i], y[2 * n + i], float(carried[i]), z)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.errors import InputError, choose_from
+from flexviz._pinocchio import pin
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import RobotSettings, load_settings
@@ -161,18 +161,13 @@ def perturbed(inertial: Array, share: float, rng: np.random.Generator) -> Array:
 
     Masses and inertias are scaled, centres of mass moved radially, so the bodies stay physically consistent.
     """
-    new = np.array(inertial, dtype=float)
-    for row in new:
-        mass_factor, centre_factor, inertia_factor = 1.0 + share * rng.choice([-1.0, 1.0], 3)
-        mass, centre = row[0], row[1:4] / row[0]
-        xx, xy, yy, xz, yz, zz = row[4:]
-        about_joint = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        own = (about_joint - mass * _squared(centre)) * inertia_factor
-        mass, centre = mass * mass_factor, centre * centre_factor
-        full = own + mass * _squared(centre)
-        row[0], row[1:4] = mass, mass * centre
-        row[4:] = full[0, 0], full[0, 1], full[1, 1], full[0, 2], full[1, 2], full[2, 2]
-    return new
+    new = []
+    for row in np.asarray(inertial, dtype=float):
+        mass, centre, inertia = 1.0 + share * rng.choice([-1.0, 1.0], 3)
+        body = pin.Inertia.FromDynamicParameters(row)
+        body = pin.Inertia(mass * body.mass, centre * body.lever, inertia * body.inertia)
+        new.append(body.toDynamicParameters())
+    return np.array(new)
 
 
 def rough(values: Array, share: float, rng: np.random.Generator) -> Array:
@@ -186,13 +181,6 @@ PRESETS: dict[str, Callable[[], Plan]] = {
     "planar-2r": planar_2r,
     "panda": panda,
 }
-
-
-def make_preset(name: str, start: str = "rest") -> Plan:
-    """The plan called `name`, starting at rest or moving."""
-    if name not in PRESETS:
-        raise InputError(f'preset "{name}" does not exist; {choose_from(name, PRESETS)}')
-    return replace(PRESETS[name](), start=start)
 
 
 def _plan(
@@ -226,8 +214,3 @@ def _plan(
         initial_motor_inertia=initial[1],
         note=note,
     )
-
-
-def _squared(centre: Array) -> Array:
-    """|c|² 1 − c cᵀ."""
-    return centre @ centre * np.eye(3) - np.outer(centre, centre)

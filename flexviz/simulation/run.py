@@ -9,16 +9,16 @@ import numpy as np
 
 from flexviz.errors import InputError
 from flexviz.model import FlexibleModel
-from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.control import PDController, TorqueFilter
-from flexviz.simulation.extra_laws import ExtraLaw
+from flexviz.simulation.laws import ExtraLaw
 from flexviz.simulation.loop import Loop
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
-from flexviz.simulation.sensors import Feedback, Sensors
+from flexviz.simulation.sensors import Feedback, Seed, Sensors, rounded
 
 STARTS = ("rest", "moving")
 
@@ -49,12 +49,15 @@ class Run:
     torque_hold: float
     note: str = ""
 
-    def measured(self, sensors: Sensors, seed: int | np.random.Generator | None = None) -> Run:
+    def measured(self, sensors: Sensors, seed: Seed = None) -> Run:
         """This run as recorded by `sensors`: θ and τ get noise and resolution, not the torque filter."""
         samples, n = self.theta.shape
-        theta_noise, torque_noise = sensors.noise(samples, n, seed)
-        theta = sensors.quantise(self.theta + theta_noise)
-        return replace(self, theta=theta, tau=sensors.quantise_torque(self.tau + torque_noise))
+        return self.with_noise(sensors, *sensors.noise(samples, n, seed))
+
+    def with_noise(self, sensors: Sensors, theta_noise: Array, torque_noise: Array) -> Run:
+        """This run with noise (N, n) and with the resolution of `sensors`."""
+        theta = rounded(self.theta + theta_noise, sensors.resolution)
+        return replace(self, theta=theta, tau=rounded(self.tau + torque_noise, sensors.torque_resolution))
 
 
 def simulate_run(
@@ -69,13 +72,13 @@ def simulate_run(
     record_step: float | None = None,
     start: str = "rest",
     sensors: Sensors | None = None,
-    seed: int | np.random.Generator | None = None,
+    seed: Seed = None,
     group: str | None = None,
     payload_name: str | None = None,
     temperature: Sequence[float] | None = None,
     laws: Sequence[tuple[str, ExtraLaw]] = (),
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Run:
     """Simulate `robot` with the parameters of `model` following `reference` for `duration` [s].
 
@@ -105,7 +108,8 @@ def simulate_run(
     smooth = None if controller.torque_filter is None else TorqueFilter(controller.torque_filter, cycle, tau)
     feedback = None
     if sensors is not None and sensors.feedback:
-        feedback = Feedback(sensors.reordered(robot.to_pin, n), len(time), n, cycle, x, seed)
+        start_at = x[n : 2 * n], x[3 * n : 4 * n]
+        feedback = Feedback(sensors.reordered(robot.to_pin, n), len(time), cycle, *start_at, seed)
     loop = Loop(plant, torque_path, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
     hold = cycle
@@ -113,9 +117,8 @@ def simulate_run(
         torques, hold = sensors.filtered(torques, cycle), 0.0
     run = to_run(robot, plant, time[::every], states[::every], torques[::every], position[::every], hold)
     if feedback is not None and sensors is not None:
-        seen = sensors.quantise(run.theta + robot.from_pin(feedback.noise[::every]))
-        torque = sensors.quantise_torque(run.tau + robot.from_pin(feedback.torque_noise[::every]))
-        return replace(run, theta=seen, tau=torque)
+        noise = (robot.from_pin(x[::every]) for x in (feedback.noise, feedback.torque_noise))
+        return run.with_noise(sensors, *noise)
     return run if sensors is None else run.measured(sensors, seed)
 
 

@@ -11,6 +11,8 @@ from scipy.signal import lfilter
 
 from flexviz.simulation.plant import Array
 
+Seed = int | np.random.Generator | None  # of random numbers; None: different ones each time
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -41,21 +43,12 @@ class Sensors:
         values = {k: np.broadcast_to(np.asarray(getattr(self, k), dtype=float), n) for k in names}
         return replace(self, **{k: permute(v) for k, v in values.items()})
 
-    def noise(self, samples: int, n: int, seed: int | np.random.Generator | None) -> tuple[Array, Array]:
+    def noise(self, samples: int, n: int, seed: Seed) -> tuple[Array, Array]:
         """Noise of θ (N, n) [rad] and of τ (N, n) [Nm]."""
         rng = np.random.default_rng(seed)
-        return (
-            rng.standard_normal((samples, n)) * np.asarray(self.theta_noise, dtype=float),
-            rng.standard_normal((samples, n)) * np.asarray(self.torque_noise, dtype=float),
-        )
-
-    def quantise(self, theta: Array) -> Array:
-        """θ (…, n) rounded to the encoder's steps."""
-        return _rounded(theta, self.resolution)
-
-    def quantise_torque(self, torque: Array) -> Array:
-        """τ (…, n) rounded to the torque's steps."""
-        return _rounded(torque, self.torque_resolution)
+        sizes = (np.asarray(size, dtype=float) for size in (self.theta_noise, self.torque_noise))
+        theta, torque = (rng.standard_normal((samples, n)) * size for size in sizes)
+        return theta, torque
 
     def filtered(self, torque: Array, cycle: float) -> Array:
         """The torques (N, n) of all cycles, each held for `cycle` [s], as seen at the start of each cycle.
@@ -68,7 +61,7 @@ class Sensors:
         return lfilter([0.0, blend], [1.0, blend - 1.0], torque, axis=0, zi=torque[:1])[0]
 
 
-def _rounded(values: Array, resolution: ArrayLike) -> Array:
+def rounded(values: Array, resolution: ArrayLike) -> Array:
     """Values (…, n) rounded to steps of `resolution`, unless that is 0."""
     step = np.broadcast_to(np.asarray(resolution, dtype=float), values.shape[-1:])
     if not step.any():
@@ -81,23 +74,17 @@ class Feedback:
     """Measured position and filtered velocity for the controller."""
 
     def __init__(
-        self,
-        sensors: Sensors,
-        cycles: int,
-        n: int,
-        cycle: float,
-        x: Array,
-        seed: int | np.random.Generator | None,
+        self, sensors: Sensors, cycles: int, cycle: float, theta: Array, speed: Array, seed: Seed
     ) -> None:
         self.sensors = sensors
-        self.noise, self.torque_noise = sensors.noise(cycles, n, seed)
-        self._last = sensors.quantise(x[n : 2 * n] + self.noise[0])
-        self._speed = x[3 * n : 4 * n].copy()
+        self.noise, self.torque_noise = sensors.noise(cycles, len(theta), seed)
+        self._last = rounded(theta + self.noise[0], sensors.resolution)
+        self._speed = speed.copy()
         self._blend = -np.expm1(-sensors.velocity_filter * cycle)
         self._cycle = cycle
 
     def __call__(self, k: int, theta: Array) -> tuple[Array, Array]:
-        seen = self.sensors.quantise(theta + self.noise[k])
+        seen = rounded(theta + self.noise[k], self.sensors.resolution)
         if k:
             self._speed = self._speed + self._blend * ((seen - self._last) / self._cycle - self._speed)
         self._last = seen

@@ -6,19 +6,21 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from flexviz.effects import EFFECTS
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
-from flexviz.progress import ProgressCallback, StopCallback, part
+from flexviz.model import INERTIAL_UNITS, FlexibleModel
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never, part
 from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.inject import at_temperatures, inject
 from flexviz.simulation.plan import Plan
-from flexviz.simulation.presets import PRESETS, make_preset
+from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.resimulating import plan_from_set
 from flexviz.simulation.run import STARTS, Run
-from flexviz.simulation.truth import FILE_NAME, truth
 
 
 @dataclass(frozen=True)
@@ -44,14 +46,15 @@ def make_plan(
         raise InputError(f'start "{start}" does not exist; {choose_from(start, STARTS)}')
     name = str(preset_or_set)
     if name in PRESETS:
-        plan = make_preset(name, start)
+        plan = PRESETS[name]()
     elif Path(name).suffix == ".urdf":
-        plan = replace(plan_from_urdf(name), start=start)
+        plan = plan_from_urdf(name)
     elif Path(name).exists():
-        plan = replace(plan_from_set(read_set(name)), start=start)
+        plan = plan_from_set(read_set(name))
     else:
         valid = choose_from(name, PRESETS)
         raise InputError(f'"{name}" is neither a preset nor a measurement set; {valid}')
+    plan = replace(plan, start=start)
     return inject(at_temperatures(plan, temperatures) if temperatures else plan, effects)
 
 
@@ -61,8 +64,8 @@ def simulate_preset(
     effects: Sequence[str] = (),
     seed: int = 0,
     start: str = "rest",
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
     *,
     temperatures: Sequence[float] = (),
     overwrite: bool = False,
@@ -85,20 +88,14 @@ def simulate_preset(
 
 
 def simulate_plan(
-    plan: Plan,
-    seed: int = 0,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    plan: Plan, seed: int = 0, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> dict[str, Run]:
     """Group name -> its recording."""
     return record(plan, move(plan, seed, progress, should_stop), seed)
 
 
 def move(
-    plan: Plan,
-    seed: int = 0,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    plan: Plan, seed: int = 0, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> dict[str, Run]:
     """Group name -> its motion without measurement noise; `seed` is for noise that is fed back.
 
@@ -110,7 +107,7 @@ def move(
     for k, group in enumerate(plan.groups):
         rng = np.random.default_rng([seed, k])
         end = done + group.duration
-        told = progress and part(progress, done / total, end / total, f"simulating {group.name}")
+        told = part(progress, done / total, end / total, f"simulating {group.name}")
         runs[group.name] = plan.run(group, seed=rng, progress=told, should_stop=should_stop)
         done = end
     return runs
@@ -136,22 +133,11 @@ def write_plan(
     table_format: str = "parquet",
 ) -> Path:
     """Write simulated groups as a measurement set with its truth.json."""
-    tables = [
-        GroupTable(
-            name=group.name,
-            trajectory=group.trajectory,
-            payload=group.payload,
-            time=runs[group.name].time,
-            theta=runs[group.name].theta,
-            tau=runs[group.name].tau,
-            q=runs[group.name].q if plan.extra else None,
-            tau_joint=runs[group.name].tau_joint if plan.extra else None,
-            theta_ref=runs[group.name].theta_ref,
-            validation=group.validation,
-            temperature=group.temperature,
-        )
-        for group in plan.groups
-    ]
+    tables, names = [], ("time", "theta", "tau", "theta_ref", *(("q", "tau_joint") if plan.extra else ()))
+    for group in plan.groups:
+        columns = {name: getattr(runs[group.name], name) for name in names}
+        columns |= {"validation": group.validation, "temperature": group.temperature}
+        tables.append(GroupTable(group.name, group.trajectory, group.payload, **columns))
     text = json.dumps(truth(plan, seed), indent=1, ensure_ascii=False) + "\n"
     controller = plan.controller
     return write_set(
@@ -166,8 +152,57 @@ def write_plan(
         kp=np.broadcast_to(controller.kp, plan.robot.n),
         kd=np.broadcast_to(controller.kd, plan.robot.n),
         effects=plan.effects,
-        files={**plan.files, FILE_NAME: text},
+        files={**plan.files, "truth.json": text},
         table_format=table_format,
         single=plan.single,
         overwrite=overwrite,
     )
+
+
+def truth(plan: Plan, seed: int) -> dict[str, Any]:
+    """The content of `truth.json`."""
+    return {
+        "format": 1,
+        "simulated": True,
+        "preset": plan.name,
+        "seed": seed,
+        "start": plan.start,
+        "note": plan.note,
+        "joints": list(plan.robot.joints),
+        "parameters": true_parameters(plan.model),
+        "effects": true_effects(plan.model),
+    }
+
+
+def true_parameters(model: FlexibleModel) -> list[dict[str, Any]]:
+    """All parameters of the model, without payload."""
+    columns = {
+        "stiffness": (model.stiffness, "Nm/rad"),
+        "motor_inertia": (model.motor_inertia, "kg m²"),
+        "link_viscous_friction": (model.link_viscous_friction, "Nm s/rad"),
+        "motor_viscous_friction": (model.motor_viscous_friction, "Nm s/rad"),
+        "viscous_friction_sum": (model.link_viscous_friction + model.motor_viscous_friction, "Nm s/rad"),
+    }
+    columns |= {name: (model.inertial[:, k], unit) for k, (name, unit) in enumerate(INERTIAL_UNITS.items())}
+    return [
+        {"name": name, "joint": joint, "value": float(values[i]), "unit": unit}
+        for name, (values, unit) in columns.items()
+        for i, joint in enumerate(model.joints)
+    ]
+
+
+def true_effects(model: FlexibleModel) -> list[dict[str, Any]]:
+    """All effects with their parameters."""
+    return [
+        {
+            "effect": effect.effect,
+            "joint": effect.joint,
+            "group": effect.group,
+            "payload": effect.payload,
+            "parameters": {
+                name: {"value": float(value), "unit": EFFECTS[effect.effect].units[name]}
+                for name, value in effect.parameters.items()
+            },
+        }
+        for effect in model.effects
+    ]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebvander
 
 from flexviz._pinocchio import pin
 from flexviz.simulation.plant import Array, Plant
@@ -59,9 +60,10 @@ def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.2, d
     """
     n = plant.n
     data = plant.model.createData()
-    angle = np.pi * np.arange(degree + 1) / degree
-    time = -width * np.cos(angle)
-    slope = _differentiation(np.cos(angle[::-1])) / width  # (M, M)
+    nodes = -np.cos(np.pi * np.arange(degree + 1) / degree)
+    time = width * nodes
+    # (M, M) from values at the nodes to the polynomial's derivatives there
+    slope = chebvander(nodes, degree - 1) @ chebder(np.linalg.inv(chebvander(nodes, degree))) / width
     middle = degree // 2
     theta = motion(time)
     shift = np.zeros_like(theta)
@@ -86,15 +88,3 @@ def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.2, d
     x[2 * n : 3 * n] = (slope @ q)[middle]
     x[3 * n : 4 * n] = (slope @ theta)[middle]
     return x
-
-
-def _differentiation(nodes: Array) -> Array:
-    """Matrix (M, M) that differentiates the polynomial through values at Chebyshev `nodes` (M,)."""
-    m = len(nodes)
-    weight = (-1.0) ** np.arange(m)
-    weight[[0, -1]] *= 0.5  # barycentric weights
-    difference = nodes[:, None] - nodes[None, :] + np.eye(m)
-    matrix = weight[None, :] / weight[:, None] / difference
-    np.fill_diagonal(matrix, 0.0)
-    np.fill_diagonal(matrix, -matrix.sum(axis=1))
-    return matrix

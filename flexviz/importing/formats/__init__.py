@@ -8,9 +8,8 @@ from pathlib import Path
 
 from flexviz.errors import InputError
 from flexviz.importing.formats.bags import BAG
-from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
+from flexviz.importing.formats.base import LETTERS, Log, LogFormat, ReadOptions, joined
 from flexviz.importing.formats.delimited import DELIMITED
-from flexviz.importing.formats.joining import LETTERS, joined
 from flexviz.importing.formats.json_logs import JSON
 from flexviz.importing.formats.lerobot import LEROBOT
 from flexviz.importing.formats.matlab import MATLAB

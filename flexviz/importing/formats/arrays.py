@@ -19,6 +19,8 @@ from flexviz.measurements import Array
 
 DEEPEST = 9  # variables, and structs in structs
 MOST_SIGNALS = 200  # a matrix with more columns and more rows holds no signals
+IN_MATLAB = "({})", "(:,{})", "({},:)", 1  # `log.q(:,1)`, `q(1,:)`, `signals(1)`
+IN_PYTHON = "[{}]", "[:,{}]", "[{},:]", 0  # `log.q[:,0]`, `q[0,:]`, `signals[0]`
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,3 @@ class Flattening:
             yield from self.columns(name, np.squeeze(array))  # Simulink's (1, n, N)
         else:
             self.unusable[name] = f"an array of shape {array.shape}"
-
-
-def as_in_matlab() -> Flattening:
-    """`log.q(:,1)`, `q(1,:)`, `signals(1)`."""
-    return Flattening("({})", "(:,{})", "({},:)", 1)
-
-
-def as_in_python() -> Flattening:
-    """`log.q[:,0]`, `q[0,:]`, `signals[0]`."""
-    return Flattening("[{}]", "[:,{}]", "[{},:]", 0)

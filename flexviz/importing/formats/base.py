@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 STAMP, LOGGED = "header.stamp", "log_time"  # endings of the two time columns of a topic
 EMPTY_FIELD = "the messages hold no"  # begins the reason why a field that a driver leaves empty is no signal
 PART = " part "  # in the names of parts of a column: "tau part 1 of 6"
+LETTERS = "abc"  # of several files of one run, in order: columns are `a/column` in the first
 SHORTEST = 32  # rows: shorter columns cannot be signals
 
 
@@ -121,3 +122,26 @@ def as_numbers(values: Array) -> Array | None:
         return None
     numbers = values.astype(float)
     return np.where(np.isfinite(numbers), numbers, np.nan)
+
+
+def joined(logs: Sequence[Log]) -> Log:
+    """One log of the tables of several."""
+    lettered = list(zip(LETTERS, logs, strict=False))
+    return Log(
+        logs[0].file.with_name(", ".join(log.file.name for log in logs)),
+        logs[0].kind,
+        tuple(renamed(table, letter) for letter, log in lettered for table in log.tables),
+        {f"{letter}/{name}": why for letter, log in lettered for name, why in log.unusable.items()},
+        tuple(f"{log.file.name}: {note}" for log in logs for note in log.notes),
+        tuple(f"{letter}/{name}" for letter, log in lettered for name in log.unread),
+    )
+
+
+def renamed(table: LogTable, letter: str) -> LogTable:
+    """A table with its file's letter before all names."""
+    return LogTable(
+        f"{letter}/{table.name}" if table.name else letter,
+        {f"{letter}/{name}": values for name, values in table.columns.items()},
+        f"{letter}/{table.clock}" if table.clock else None,
+        {f"{letter}/{name}": unit for name, unit in table.units.items()},
+    )

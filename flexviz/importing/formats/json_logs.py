@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.importing.formats.arrays import as_in_python
+from flexviz.importing.formats.arrays import IN_PYTHON, Flattening
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, ReadOptions
 from flexviz.limits import LARGEST_LOG, check_size, read_json
 from flexviz.measurements import readable
@@ -24,7 +24,9 @@ def read_json_log(path: Path, options: ReadOptions) -> Log:
             with path.open(encoding="utf-8-sig") as lines:
                 content = [json.loads(line) for line in lines if line.strip()]
         content = arrays_of(content)
-    return as_in_python().log(path, "JSON", content if isinstance(content, dict) else {"data": content})
+    return Flattening(*IN_PYTHON).log(
+        path, "JSON", content if isinstance(content, dict) else {"data": content}
+    )
 
 
 def arrays_of(value: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from flexviz._scipy import sp
 from flexviz.errors import InputError
-from flexviz.importing.formats.arrays import as_in_matlab
+from flexviz.importing.formats.arrays import IN_MATLAB, Flattening
 from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
 from flexviz.measurements import readable
 
@@ -31,7 +31,7 @@ def read_mat(path: Path, options: ReadOptions) -> Log:
     with readable(path, ".mat file"):
         check_unpacked(path)
         content = sp.io.loadmat(path, simplify_cells=True)
-    flattening = as_in_matlab()
+    flattening = Flattening(*IN_MATLAB)
     if "None" in content:
         flattening.unusable["(objects)"] = "timetable, table and timeseries cannot be read outside MATLAB"
     variables = {name: value for name, value in content.items() if not name.startswith("__")}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.importing.formats.arrays import as_in_python
+from flexviz.importing.formats.arrays import IN_PYTHON, Flattening
 from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
 from flexviz.limits import check_npz
 from flexviz.measurements import readable
@@ -14,7 +14,7 @@ from flexviz.measurements import readable
 
 def read_npz(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers; arrays of Python objects are not unpickled."""
-    flattening, arrays = as_in_python(), {}
+    flattening, arrays = Flattening(*IN_PYTHON), {}
     with readable(path, ".npz archive"):
         check_npz(path)
         with np.load(path, allow_pickle=False) as content:
