@@ -65,6 +65,22 @@ def sandwich(
     return Covariance(matrix, share)
 
 
+def spectral_covariance(
+    residual: Array,
+    jacobian: Array,
+    rows: Sequence[slice],
+    prior: Array,
+    at_bound: NDArray[np.bool_] | None = None,
+) -> Covariance:
+    """Sandwich covariance with the score from the residual's own spectra; arguments as in the two it uses."""
+    flat = jacobian.reshape(-1, jacobian.shape[2])
+    free = slice(None) if at_bound is None or not at_bound.any() else np.flatnonzero(~at_bound)
+    score = np.zeros((len(prior), len(prior)))
+    index = np.arange(len(prior))[free]
+    score[np.ix_(index, index)] = score_covariance(residual, jacobian[:, :, free], rows)
+    return sandwich(flat.T @ flat, score, prior, at_bound)
+
+
 def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
     """Score covariance Jᵀ T J with T from the smoothed cross spectra of the residual.
 

@@ -16,7 +16,6 @@ from flexviz.estimation.prior import Prior
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-MAX_HALVINGS = 12
 STIFFER = 0.1  # times its compliance: a stiffness may grow at most tenfold in one step, and fall at will
 SAMPLES_TOGETHER = 4000  # weighted at a time
 STATE_REWEIGHTINGS = 5  # more, for effects that depend on identified quantities
@@ -53,6 +52,12 @@ class Solution:
         """The cost."""
         return self.cost
 
+    @property
+    def whitened(self) -> tuple[Array, Array]:
+        """Weighted residual (N, n) and Jacobian (N, n, P)."""
+        now, weights = self.evaluation, self.weights
+        return now.residual * weights, now.jacobian * weights[:, :, None]
+
 
 def gauss_newton(
     equation: Equation,
@@ -65,7 +70,6 @@ def gauss_newton(
     reweightings: int = 3,
     max_iterations: int = 60,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
-    tolerance: float = 1e-2,
 ) -> Solution:
     """Minimise ½ Σ (r/σ)² + prior over x.
 
@@ -81,7 +85,6 @@ def gauss_newton(
         reweightings: number of estimates of σ; `STATE_REWEIGHTINGS` more for effects with a state.
         max_iterations: over all reweightings.
         report: called with x, cost and step length; may raise `Stopped`.
-        tolerance: step length that ends a round [standard deviations].
 
     Returns:
         the solution; `converged` is False if the iterations ran out or the user stopped the fit.
@@ -94,9 +97,7 @@ def gauss_newton(
     problem = PlainProblem(equation, prior, mask)
     start = problem.start(x, equation.at(x, after))
     reach = Reach(bounds, prior.feasible, equation.layout.compliance, (STIFFER, np.inf))
-    descent = Descent(
-        problem, reach, start, negligible=tolerance, halvings=MAX_HALVINGS, accelerated=True, watch=tell
-    )
+    descent = Descent(problem, reach, start, damped=True, accelerated=True, watch=tell)
     left, converged = max_iterations, False
     try:
         report(x, start.cost, np.inf)
