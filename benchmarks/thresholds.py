@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.estimation import ESTIMATION, Bounds, Prior, Solved, TwoBandData, solve, start_values
-from flexviz.estimation.weighted_point import EarlyWhitening
+from flexviz.estimation import Bounds, Prior, Solved, TwoBandData, Whitening, solve, start_values
 from flexviz.identification import identify, parameter_estimates
 from flexviz.identification.thresholds import IDENTIFICATION
 from flexviz.measurements import MeasurementSet, read_set
@@ -49,10 +48,7 @@ class Case:
     def refined(self, prior: Prior) -> Solved:
         """The refinement without model error, from the plain fit."""
         data = TwoBandData(self.measurements, self.measurements.fit_groups, prior.layout)
-        step = ESTIMATION.negligible_step
-        return solve(
-            EarlyWhitening(data), prior, self.bounds, self.x, iterations=12, negligible=step, least=2
-        )
+        return solve(Whitening(data), prior, self.bounds, self.x, iterations=12)
 
 
 def simulated(folder: Path, friction: float, seeds: int, fitted: tuple[str, ...] = ()) -> list[Case]:
@@ -83,8 +79,8 @@ def print_noise_explains(folder: Path, seeds: int) -> list[Case]:
             solved = case.refined(case.prior)
             layout = case.prior.layout
             kept = [*range(layout.compliance.start, layout.motor_inertia.stop)]
-            error = (solved.point.x - layout.vector(case.truth))[kept]
-            chi.append(float(np.mean(solved.point.chi)))
+            error = (solved.place.x - layout.vector(case.truth))[kept]
+            chi.append(float(np.mean(solved.place.chi)))
             for ratio, from_noise in zip(ratios, (True, False), strict=True):
                 ratio.append(error / solved.covariance(from_noise).standard_errors[kept])
         actual = [float(np.sqrt(np.mean(np.square(r)))) for r in ratios]
@@ -101,7 +97,7 @@ def print_spreads(case: Case) -> None:
         prior = replace(case.prior, spread=factor * case.prior.spread)
         solved = case.refined(prior)
         after = solved.covariance(True)
-        shift = np.abs(solved.point.x - usual.point.x)[told] / before.standard_errors[told]
+        shift = np.abs(solved.place.x - usual.point.x)[told] / before.standard_errors[told]
         change = after.standard_errors[told] / before.standard_errors[told] - 1
         print(f"   {factor:<10.2g} {shift.max():22.3f} {np.abs(change).max():30.1%}")
 
@@ -117,7 +113,7 @@ def print_floors(folder: Path) -> None:
         for value in values:
             thresholds = replace(IDENTIFICATION, **{field: value})
             found = parameter_estimates(
-                prior.layout, solved.point.x, prior.centre, covariance, solved.at_bound, prior, thresholds
+                prior.layout, solved.place.x, prior.centre, covariance, solved.at_bound, prior, thresholds
             )
             kept = [p for p in found if part in p.name]
             if value == 0.0:

@@ -126,7 +126,9 @@ def refine(
 
     Where noise does not explain the residual, a white model error is added to the noise.
     """
-    solved = solve(Whitening(two_band), prior, bounds, x, iterations=MAX_ITERATIONS, report=report)
+    solved = solve(
+        Whitening(two_band), prior, bounds, x, iterations=MAX_ITERATIONS, impatient=True, report=report
+    )
     if solved.consistent:
         return solved
     adapted = Whitening(two_band, adapted=True)

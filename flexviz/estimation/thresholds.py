@@ -26,7 +26,7 @@ class EstimationThresholds:
         transient: energy of a window at the ends of a record, relative to the median, that marks a transient.
         negligible_step: step length that ends the refinement [standard deviations].
         noise_moved: change of the noise shape (logs of its variances) after which the whiteners are renewed.
-        noise_moved_far: the same while the residual is far above the noise, where weights matter less.
+        noise_moved_far: the same far above the noise, or with a model error, where weights matter less.
         far_above_noise: mean χ² per sample from which a fit counts as far above the noise; nearer, an uphill
             step may well lead to the solution.
         effect_moved: relative change of an effect after which its reversals are located again.

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -121,11 +120,12 @@ class TwoBandData:
         self.noise_model = settings.noise_model(layout.n)
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
-        twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
-        self._make_products = partial(FilteredProducts, measurements, groups, wide_signals, twice, edge / 2)
-        # of slower recordings, the wider filter would cut what the wide one still lets pass
-        self._fast_enough = twice.bandwidth >= PASSED * wide.cutoff(0)
-        self._products = self._make_products() if settings.products and self._fast_enough else None
+        self._products = None
+        if settings.products:
+            twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
+            # of slower recordings, the wider filter would cut what the wide one still lets pass
+            if twice.bandwidth >= PASSED * wide.cutoff(0):
+                self._products = FilteredProducts(measurements, groups, wide_signals, twice, edge / 2)
         self._set(layout)
 
     def _set(self, layout: Layout) -> None:
@@ -144,12 +144,6 @@ class TwoBandData:
     def has_products(self) -> bool:
         """Whether products of signals are formed before they are filtered."""
         return self._products is not None
-
-    def with_products(self) -> TwoBandData:
-        """The same data with products formed before they are filtered, if the recordings are fast enough."""
-        other = copy(self)
-        other._products = self._make_products() if self._fast_enough else None
-        return other
 
     def with_model_error(self, variance: Array) -> TwoBandData:
         """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""

@@ -23,6 +23,7 @@ from flexviz.recent import Recent
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+FALLING = 0.3  # least factor beyond χ² by which a model error that is too large falls in one step
 INSTRUMENTS = partial(Recent, "instruments", 2, attrgetter("nbytes"), 2e8)  # of long records one point's
 
 
@@ -219,6 +220,7 @@ class Whitening:
         self._whiteners = None if near is None else near.whiteners
         self._noise_at = np.zeros(0) if near is None else near.noise_at
         self._effects_at, self._far = np.zeros(0), False
+        self._error_at, self._least_error = two_band.noise_model.model_error, np.zeros(two_band.layout.n)
         self._weightings: list[NoiseWeighting] | None = None
         self._bias: list[Array] | None = None
         self._before: BandEvaluation | None = None
@@ -230,10 +232,10 @@ class Whitening:
         if before and not self._far:
             self._bias = None  # was left out
             point = self._point(x)
-        error = point.model_error
-        if self._adapted and (error.any() or float(point.chi.mean()) > ESTIMATION.consistent):
-            torque = ESTIMATION.first_model_error**2 * np.mean(point.torque**2, axis=0)
-            error = np.where(error > 0, error, torque) * np.maximum(point.chi, 0.5)
+        chi, error = point.chi, self._error_at
+        if self._adapted and (error.any() or float(chi.mean()) > ESTIMATION.consistent):
+            self._least_error = ESTIMATION.first_model_error**2 * np.mean(point.torque**2, axis=0)
+            error = np.where(error > 0, error, self._least_error) * chi * np.clip(chi, FALLING, 1.0)
             self.two_band = self.two_band.with_model_error(error)
         return point
 
@@ -256,10 +258,11 @@ class Whitening:
 
     def _renew(self, here: BandEvaluation) -> None:
         """Discard the parts of the weighting that are outdated at this evaluation."""
-        noise = self.two_band.noise_shape(here.x, here.link)
-        enough = ESTIMATION.noise_moved_far if self._far else ESTIMATION.noise_moved
-        if self._whiteners is None or np.max(np.abs(noise - self._noise_at)) > enough:
-            self._whiteners, self._noise_at = None, noise
+        error, noise = self.two_band.noise_model.model_error, self.two_band.noise_shape(here.x, here.link)
+        enough = ESTIMATION.noise_moved_far if self._far or error.any() else ESTIMATION.noise_moved
+        moved = len(self._noise_at) == 0 or float(np.max(np.abs(noise - self._noise_at))) > enough
+        if moved or np.any(np.abs(error - self._error_at) > enough * self._error_at + self._least_error):
+            self._whiteners, self._noise_at, self._error_at = None, noise, error
         effects = here.x[self.two_band.layout.effect_start :]
         if self._weightings is not None and effects.size:
             scale = np.abs(effects) + np.abs(self._effects_at) + 1e-300
