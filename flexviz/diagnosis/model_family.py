@@ -15,8 +15,7 @@ from flexviz.estimation import Covariance, ScoredCandidate
 
 Array = NDArray[np.float64]
 
-RICH_ITERATIONS = 12  # of the rich model, which need not converge
-SMALL_START = 1e-3  # share of a typical size from which it starts
+SMALL_START = 1e-3  # share of a typical size from which the rich model starts
 (OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
 
 
@@ -97,10 +96,11 @@ class ModelFamily:
         for effect, where in layout.effect_slices():
             if beside is not None and effect in own:
                 continue
-            values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0, layout, start)))
-            values[list(EFFECTS[effect.effect].size_at)] *= SMALL_START
+            law = EFFECTS[effect.effect]
+            values = np.array(law.typical(self.scale(effect.joint or 0, layout, start)))
+            values[list(law.size_at)] *= SMALL_START
             x[where] = values
-        return self.fit(layout, x, RICH_ITERATIONS)
+        return self.fit(layout, x, MAX_ITERATIONS // 2)  # it need not converge
 
     def scale(self, joint: int, layout: Layout, x: Array) -> JointScale:
         """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""

@@ -253,24 +253,12 @@ class TwoBandData:
                 mean[parameters] += variance * shared
         return out
 
-    def noise_level(self, x: Array, link: LinkTerms) -> Array:
-        """Mean noise variance of the residual, from a few samples, shape (n,) [Nm²]."""
-        few = slice(None, None, max(1, self.wide.signals.count // NOISE_SAMPLES))
-        part = link.rows(few)
-        raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
-        variance = np.zeros(self.layout.n)
-        for path in noise_paths(self.layout, x, part):
-            kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, path.derivatives, 0)[0]
-            variance += np.einsum(
-                "dtim,de,etim,m->i", path.matrices, kernel, path.matrices, path.variance(self.noise)
-            )
-        return variance / len(part.mass) + self.noise_model.model_error
-
     def noise_shape(self, x: Array, link: LinkTerms) -> Array:
         """Quantities that determine the whiteners, shape (2n,): logs of variances, scaled time constants."""
         band = float(np.max(self.wide.signals.observer.bandwidth))
-        level = np.log(self.noise_level(x, link))
-        return np.concatenate((level, band * time_constants(self.layout, x)))
+        level = residual_noise(self.wide.signals, self.layout, x, link, self.noise, samples=NOISE_SAMPLES)
+        level += self.noise_model.model_error
+        return np.concatenate((np.log(level), band * time_constants(self.layout, x)))
 
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
         """One weighting per block: the whitener and the nuisance pulses at reversals."""
@@ -330,15 +318,31 @@ def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array
 
 
 def residual_noise(
-    signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
+    signals: Signals,
+    layout: Layout,
+    x: Array,
+    link: LinkTerms,
+    noise: tuple[Array, Array],
+    samples: float = np.inf,
 ) -> Array:
-    """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²]."""
-    total = np.zeros(layout.n)
-    for whole in noise_paths(layout, x, link):
-        for path, observer in whole.by_bandwidth(signals.observer):
-            for block in signals.blocks:
-                raw = block.segment.step
-                kernel = noise_kernel(observer, raw, raw, path.derivatives, 0)
-                cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
-                total += np.einsum("tii->i", cov[0])
-    return total / signals.count
+    """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²].
+
+    Args:
+        signals: whose observer the noise passes.
+        layout, x: the model and its parameters, shape (P,).
+        link: rigid-body terms at all samples.
+        noise: standard deviations of θ and τ per raw sample, shape (n,) each.
+        samples: from about how many poses it is computed.
+    """
+    every = max(1, int(signals.count / samples))
+    total, count = np.zeros(layout.n), 0
+    for block in signals.blocks:
+        rows, raw = slice(-(-block.rows.start // every) * every, block.rows.stop, every), block.segment.step
+        count += len(range(rows.start, rows.stop, every))
+        for whole in noise_paths(layout, x, link.rows(rows)):
+            for path, observer in whole.by_bandwidth(signals.observer):
+                # lag 0: the step of the equation's samples does not matter
+                kernel = noise_kernel(observer, raw, raw, path.derivatives, 0)[0]
+                weighted = path.matrices * path.variance(noise)
+                total += np.einsum("dtim,dtim->i", weighted, np.tensordot(kernel, path.matrices, axes=1))
+    return total / max(count, 1)
