@@ -205,7 +205,7 @@ def fit_refined(
     point, model_error = solved.place, whitening.two_band.noise_model.model_error
     if not last:
         return replace(begin, x=point.x, model_error=model_error)
-    covariance = solved.covariance(from_noise=not model_error.any())
+    covariance = point.covariance(prior, not model_error.any(), solved.at_bound)
     influence = _influence(point.sample_scores(), solved.normal.hessian, ~solved.at_bound, seconds)
     return BandwidthFit(point.x, covariance, solved.at_bound, model_error, influence)
 

@@ -26,7 +26,6 @@ from flexviz.estimation import (
     WeightingSettings,
     Whitening,
     other_effects,
-    sandwich,
     solve,
     start_values,
 )
@@ -34,7 +33,6 @@ from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
-DAMPING_RISE = 100.0  # rise of the objective above the best point after which a fit is repeated with damping
 # sufficient to distinguish models
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
 # at least, where links turn round by jerks: the edge of the filter is known less well than the noise
@@ -171,7 +169,8 @@ class FitContext:
         start = self.start(layout)
         given = whitening, start.prior, start.bounds
         solved = solve(*given, x, iterations=iterations, impatient=True, check=check)
-        if solved.end.objective > solved.best.objective + DAMPING_RISE:
+        # a far worse end; the objective is twice a log likelihood
+        if solved.end.objective > solved.best.objective + 2 * THRESHOLDS.criterion.temperature:
             again = solve(*given, solved.best.x, iterations=iterations, damped=True, check=check)
             if again.end.objective < solved.end.objective:
                 solved = again
@@ -202,8 +201,7 @@ class FitContext:
         """Covariance of a fit, from the residual's own spectra."""
         if fit.covariance is not None:
             return fit.covariance
-        normal = fit.point.normal_equations(self.start(fit.layout).prior)
-        return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
+        return fit.point.covariance(self.start(fit.layout).prior)
 
     def projection(self, fit: Fit) -> Projection:
         """Projects out what the parameters of a fit can explain."""

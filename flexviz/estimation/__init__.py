@@ -11,7 +11,7 @@ from flexviz.estimation.linear_algebra import (
     least_norm_solve,
     scaled_inverse,
 )
-from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
+from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened
 from flexviz.estimation.prior import Prior, pseudo_inertia
@@ -32,7 +32,6 @@ __all__ = [
     "Bounds",
     "Covariance",
     "Descent",
-    "NoiseModel",
     "NoisePath",
     "NormalEquations",
     "Place",

@@ -14,7 +14,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.estimation.covariance import Covariance, sandwich
 from flexviz.estimation.descent import Descent, NormalEquations, Reach
 from flexviz.estimation.linear_algebra import Bounds
 from flexviz.estimation.prior import Prior
@@ -41,11 +40,6 @@ class Solved(Descent[Point]):
     def consistent(self) -> bool:
         """Whether noise explains what is left at the last point."""
         return float(self.place.chi.mean()) <= ESTIMATION.consistent
-
-    def covariance(self, from_noise: bool) -> Covariance:
-        """Covariance at the last point, from the noise model or from the spectra of the residual."""
-        score = self.place.noise_score_covariance() if from_noise else self.place.score_covariance()
-        return sandwich(self.normal.information, score, self.normal.prior_hessian, self.at_bound)
 
 
 def solve(

@@ -34,7 +34,7 @@ class Solution:
         point: operating point of the effects.
         evaluation: the equation at x.
         weights: shape (N, n), 1/σ of each sample and joint [1/Nm].
-        cost: ½ Σ (r/σ)² + prior.
+        objective: ½ Σ (r/σ)² + prior.
         at_bound: shape (P,), parameters held at a bound.
         converged: the last step was negligible.
     """
@@ -43,14 +43,9 @@ class Solution:
     point: OperatingPoint
     evaluation: Evaluation
     weights: Array
-    cost: float
+    objective: float
     at_bound: Bools
     converged: bool
-
-    @property
-    def objective(self) -> float:
-        """The cost."""
-        return self.cost
 
     @property
     def whitened(self) -> tuple[Array, Array]:
@@ -92,7 +87,7 @@ def gauss_newton(
 
     def tell(descent: Descent[Solution]) -> None:
         if np.isfinite(descent.came):
-            report(descent.place.x, descent.place.cost, descent.came)
+            report(descent.place.x, descent.place.objective, descent.came)
 
     problem = PlainProblem(equation, prior, mask)
     start = problem.start(x, equation.at(x, after))
@@ -100,7 +95,7 @@ def gauss_newton(
     descent = Descent(problem, reach, start, damped=True, accelerated=True, watch=tell)
     left, converged = max_iterations, False
     try:
-        report(x, start.cost, np.inf)
+        report(x, start.objective, np.inf)
         for _ in range(reweightings + STATE_REWEIGHTINGS * equation.has_state):
             converged = False
             if left > 0:
@@ -132,12 +127,14 @@ class PlainProblem:
     def at(self, x: Array, before: Solution) -> Solution:
         """The state at x, shape (P,), with the weights of another."""
         now = before.point.evaluate(x)
-        return replace(before, x=x, evaluation=now, cost=weighted_cost(now, before.weights, self.prior, x))
+        return replace(
+            before, x=x, evaluation=now, objective=weighted_cost(now, before.weights, self.prior, x)
+        )
 
     def lower(self, x: Array, before: Solution) -> Solution | None:
         """The same if its cost is lower."""
         there = self.at(x, before)
-        return there if there.cost < before.cost else None
+        return there if there.objective < before.objective else None
 
     def normal_equations(self, place: Solution) -> NormalEquations:
         """Of the cost."""
@@ -156,7 +153,9 @@ class PlainProblem:
         count = np.maximum(self._used.sum(axis=0), 1)
         sigma = np.sqrt((now.evaluation.residual**2 * self._used).sum(axis=0) / count)
         weights = self._used / np.maximum(sigma, floor)
-        return replace(now, weights=weights, cost=weighted_cost(now.evaluation, weights, self.prior, now.x))
+        return replace(
+            now, weights=weights, objective=weighted_cost(now.evaluation, weights, self.prior, now.x)
+        )
 
 
 def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) -> NormalEquations:

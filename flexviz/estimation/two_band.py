@@ -29,7 +29,7 @@ from flexviz.equation import (
     time_constants,
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, NoiseModel, WeightingSettings
+from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import NoisePath, instrument_paths, noise_paths
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.unknown_input import UnknownInput
@@ -147,15 +147,15 @@ class TwoBandData:
 
     def with_model_error(self, variance: Array) -> TwoBandData:
         """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
-        return self._with_noise_model(self.noise_model.with_model_error(variance))
+        return self._with_noise_model(model_error=variance)
 
     def with_unknown_input(self, unknown: UnknownInput) -> TwoBandData:
         """The same data beside an arbitrary torque."""
-        return self._with_noise_model(replace(self.noise_model, unknown_input=unknown))
+        return self._with_noise_model(unknown_input=unknown)
 
-    def _with_noise_model(self, model: NoiseModel) -> TwoBandData:
+    def _with_noise_model(self, **changes: Any) -> TwoBandData:
         other = copy(self)
-        other.noise_model = model
+        other.noise_model = replace(self.noise_model, **changes)
         return other
 
     def evaluate(
@@ -219,14 +219,12 @@ class TwoBandData:
         """
         out: list[list[Whitener]] = []
         for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
-            parts = [
-                _own_covariance(path.matrices[:, block.rows], kernel, path.variance(self.noise))
-                for path, kernel in zip(paths, kernels, strict=True)
-            ]
-            cov = np.sum(parts, axis=0)
-            cov[0] *= 1 + 1e-9
-            joints = range(self.layout.n)
-            out.append([whitener(cov[:, :, j, None, None], self.noise_model.every) for j in joints])
+            out.append([])
+            for j in range(self.layout.n):
+                own = [replace(path, matrices=path.matrices[:, :, j : j + 1]) for path in paths]
+                cov = paths_covariance(own, kernels, self.noise, block.rows)
+                cov[0] *= 1 + 1e-9
+                out[-1].append(whitener(cov, self.noise_model.every))
         return out
 
     def _kernels(self, paths: Sequence[NoisePath]) -> list[list[Array]]:
@@ -304,17 +302,6 @@ def _wide_columns(layout: Layout) -> NDArray[np.intp]:
             columns.update(range(where.start, where.stop))
             columns.update(part.start + effect.joint for part in (layout.compliance, layout.link_viscous))
     return np.array(sorted(columns), np.intp)
-
-
-def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
-    """Autocovariance Cov(r_jt, r_j,t−k) of each joint due to one noise source, shape (p + 1, N, n)."""
-    count = sensitivity.shape[1]
-    out = np.zeros((len(kernel), *sensitivity.shape[1:3]))
-    weighted = sensitivity * variance
-    for k, rho in enumerate(kernel[:count]):
-        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))
-        out[k, k:] = np.einsum("dtim,dtim->ti", weighted[:, k:], earlier)
-    return out
 
 
 def residual_noise(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import LinkTerms, OperatingPoint
-from flexviz.estimation.covariance import score_covariance
+from flexviz.estimation.covariance import Covariance, sandwich, spectral_covariance
 from flexviz.estimation.descent import NormalEquations
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
@@ -159,14 +159,14 @@ class Point:
         flat = self.z.reshape(-1, len(self.x))
         return NormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
 
-    def score_covariance(self) -> Array:
-        """Covariance of the score from the residual's own spectra, shape (P, P)."""
-        return score_covariance(self.r, self.z, self.rows)
-
-    def noise_score_covariance(self) -> Array:
-        """Covariance of the score from the noise model, scaled up to the size of the residual."""
-        two_band, raised = self.two_band, max(float(np.mean(self.chi)), 1.0)
-        return two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
+    def covariance(self, prior: Prior, from_noise: bool = False, at_bound: Bools | None = None) -> Covariance:
+        """Of the parameters: from the residual's spectra, or from the noise, scaled up to the residual."""
+        hessian = prior.gradient_and_hessian(self.x)[1]
+        if not from_noise:
+            return spectral_covariance(self.r, self.z, self.rows, hessian, at_bound)
+        raised, flat = max(float(np.mean(self.chi)), 1.0), self.z.reshape(-1, len(self.x))
+        score = self.two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
+        return sandwich(flat.T @ flat, score, hessian, at_bound)
 
 
 def weighted_point(

@@ -178,7 +178,8 @@ def _refined_outcome(
     evaluation = plain.equation.at(x, plain.solution.point).evaluate(x)
     converged = outcome.converged and found.converged
     unrest = outcome.unrest if found.converged else unrest_by_residual(chi)
-    covariance = found.covariance(from_noise=chi_square < ESTIMATION.noise_explains)
+    from_noise = chi_square < ESTIMATION.noise_explains
+    covariance = found.place.covariance(start.prior, from_noise, found.at_bound)
     return _Outcome(x, evaluation, covariance, found.at_bound, converged, message, True, unrest)
 
 
