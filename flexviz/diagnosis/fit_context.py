@@ -53,14 +53,10 @@ class Judged(Fitted, Protocol):
     """A fit by whose torque its effects are judged."""
 
     @property
-    def torque(self) -> Array:
-        """Transmission torque, shape (N, n) [Nm]."""
-        ...
+    def torque(self) -> Array: ...  # transmission torque, shape (N, n) [Nm]
 
     @property
-    def velocity(self) -> Array:
-        """Of the motors, shape (N, n) [rad/s]."""
-        ...
+    def velocity(self) -> Array: ...  # of the motors, shape (N, n) [rad/s]
 
 
 @dataclass(frozen=True)

@@ -128,11 +128,11 @@ class MotionFit:
     @cached_property
     def held_out_residual(self) -> Array:
         """Residual of the validation groups, shape (N, n) [Nm]."""
-        return self.context.held_out_equation(self.layout).at(self.x).residual(self.x)
+        return self.context.equation(self.layout, held_out=True).at(self.x).residual(self.x)
 
     def held_out_jacobian(self) -> Array:
         """Jacobian of the validation groups, shape (N, n, P); zero where a sample does not count."""
-        point = self.context.held_out_equation(self.layout).at(self.x)
+        point = self.context.equation(self.layout, held_out=True).at(self.x)
         return point.evaluate(self.x, moving=True).jacobian * self.context.judged_used[:, :, None]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
@@ -156,6 +156,7 @@ class MotionContext:
     Attributes:
         measurements: the set.
         signals: of the fit groups.
+        judged_signals: of the validation groups, or of the fit groups where there are none.
         first_phase: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
         stand_ins: free curves only stand for what has no law (`firm_start`).
     """
@@ -166,10 +167,10 @@ class MotionContext:
         self.measurements, self.stand_ins = measurements, stand_ins
         held = measurements.validation_groups
         self.signals = self._signals(measurements.fit_groups)
-        self._held = self._signals(held) if held else None
+        self.judged_signals = self._signals(held) if held else self.signals
         self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
-        self._shared, self._held_shared = dict[object, Any](), dict[object, Any]()
-        bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
+        self._shared = dict[object, Any](), dict[object, Any]()  # of both
+        bare = self.equation(Layout(joints))
         self._start = start_values(measurements, bare)
         rigid = bare.evaluate(self._start.x)
         noise = segments_noise([b.segment for b in self.signals.blocks])
@@ -192,7 +193,7 @@ class MotionContext:
     @cached_property
     def judged_phases(self) -> Phases:
         """Of `judged_signals`, shape (N, n)."""
-        return self.phases if self._held is None else phases(self._held)
+        return phases(self.judged_signals)
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -204,13 +205,12 @@ class MotionContext:
         """Samples of `judged_signals` that count, shape (N, n)."""
         return self.judged_phases >= self.first_phase
 
-    def equation(self, layout: Layout) -> Equation:
-        """Equation of the fit groups."""
-        return Equation(self.measurements.robot, self.signals, layout, self._shared)
-
-    def held_out_equation(self, layout: Layout) -> Equation:
-        """Equation of the validation groups."""
-        return Equation(self.measurements.robot, self.judged_signals, layout, self._held_shared)
+    def equation(self, layout: Layout, held_out: bool = False) -> Equation:
+        """Equation of the fit groups, or of the validation groups."""
+        signals, shared = (
+            (self.judged_signals, self._held_shared) if held_out else (self.signals, self._shared)
+        )
+        return Equation(self.measurements.robot, signals, layout, shared)
 
     def set_standstill_apart(self, fit: MotionFit) -> bool:
         """From now on leave out the standstill of joints where a fit errs much more at rest than in motion.
@@ -226,11 +226,6 @@ class MotionContext:
         louder = (np.sqrt(rest) > NEAR * self.noise_floor) & (rest > THRESHOLDS.standstill.ratio**2 * motion)
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
-
-    @property
-    def judged_signals(self) -> Signals:
-        """Of the validation groups, or of the fit groups where there are none."""
-        return self._held or self.signals
 
     def start(self, layout: Layout) -> Start:
         """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""

@@ -116,7 +116,6 @@ class Descent(Generic[P]):
         place: the start.
         negligible: length of a step that ends the descent [standard deviations].
         settled: change of the objective by a step that ends it.
-        least: minimum number of steps.
         damped: halve a step until it leads lower, or else end the descent; otherwise it is taken whole.
         accelerated: extrapolate slow steps (`_extrapolated`).
         watch: called at every place; may raise to stop, and ends the descent by True.
@@ -146,13 +145,12 @@ class Descent(Generic[P]):
         *,
         negligible: float = ESTIMATION.negligible_step,
         settled: float = 0.0,
-        least: int = 0,
         damped: bool = False,
         accelerated: bool = False,
         watch: Callable[[Descent[P]], bool | None] = lambda descent: None,
     ) -> None:
         self.problem, self.reach, self.place, self.best = problem, reach, place, place
-        self.negligible, self.settled, self.least, self.damped = negligible, settled, least, damped
+        self.negligible, self.settled, self.damped = negligible, settled, damped
         self.accelerated, self.watch = accelerated, watch
         self.at_bound = np.zeros(len(place.x), bool)
 
@@ -166,8 +164,7 @@ class Descent(Generic[P]):
             x, hessian = self.place.x, self.normal.hessian
             step, self.at_bound = bounded_step(self.normal.gradient, hessian, x, self.reach.bounds)
             self.length = _length(step, hessian)
-            over = self.length < self.negligible or abs(self.gained) < self.settled
-            self.converged = over and self.steps >= self.least
+            self.converged = self.length < self.negligible or abs(self.gained) < self.settled
             self.ended = bool(self.watch(self))
             if self.converged or self.ended or self.steps == iterations:
                 break

@@ -82,7 +82,7 @@ def solve(
 
     reach = Reach(bounds, prior.feasible, prior.layout.compliance)
     place = problem.at(bounds.clip(x))
-    solved = Solved(problem, reach, place, least=1, damped=damped, watch=watch)
+    solved = Solved(problem, reach, place, damped=damped, watch=watch)
     solved.run(iterations)
     return solved
 

@@ -76,7 +76,7 @@ class _Pooled:
         robot: theirs.
         spread: of the torque [Nm].
         size: of the torque [Nm]; of a joint that gravity or its neighbours move, what its motion takes.
-        noise: of the torque, and the torque that it takes to follow that of θ [Nm], of the links' inertia alone.
+        noise: of the torque, and the torque that it takes to follow that of θ, of the links alone [Nm].
         following_sudden: torque that it takes to follow all that changes from sample to sample [Nm].
         noise_only: whether a torque is nothing but noise or spikes.
     """
