@@ -207,10 +207,8 @@ class MotionContext:
 
     def equation(self, layout: Layout, held_out: bool = False) -> Equation:
         """Equation of the fit groups, or of the validation groups."""
-        signals, shared = (
-            (self.judged_signals, self._held_shared) if held_out else (self.signals, self._shared)
-        )
-        return Equation(self.measurements.robot, signals, layout, shared)
+        signals = self.judged_signals if held_out else self.signals
+        return Equation(self.measurements.robot, signals, layout, self._shared[held_out])
 
     def set_standstill_apart(self, fit: MotionFit) -> bool:
         """From now on leave out the standstill of joints where a fit errs much more at rest than in motion.
