@@ -138,7 +138,7 @@ class PlainProblem:
 
     def normal_equations(self, place: Solution) -> NormalEquations:
         """Of the cost."""
-        return normal_equations(place.evaluation, place.weights, self.prior, place.x)
+        return normal_equations(place, self.prior)
 
     def reweighted(self, now: Solution) -> tuple[Solution, bool]:
         """The state with new weights, and whether they and the operating point are as before."""
@@ -158,13 +158,14 @@ class PlainProblem:
         )
 
 
-def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) -> NormalEquations:
-    """Normal equations of the cost at x, shape (P,)."""
-    gradient, prior_hessian = prior.gradient_and_hessian(x)
-    information = np.zeros((len(x), len(x)))
+def normal_equations(place: Solution, prior: Prior) -> NormalEquations:
+    """Normal equations of the cost."""
+    now, weights, size = place.evaluation, place.weights, len(place.x)
+    gradient, prior_hessian = prior.gradient_and_hessian(place.x)
+    information = np.zeros((size, size))
     for first in range(0, len(weights), SAMPLES_TOGETHER):
         rows = slice(first, first + SAMPLES_TOGETHER)
-        scaled = (now.jacobian[rows] * weights[rows, :, None]).reshape(-1, len(x))
+        scaled = (now.jacobian[rows] * weights[rows, :, None]).reshape(-1, size)
         gradient = gradient + scaled.T @ (now.residual[rows] * weights[rows]).ravel()
         information = information + scaled.T @ scaled
     return NormalEquations(gradient, information, prior_hessian)

@@ -68,13 +68,12 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
                 columns[:, joint, shifted] = unit.slopes[:, 0, :, m].T
 
     given = measurements.initial_motor_inertia
-    solution = _rigid_fit(columns, torque, cad, None)
-    fitted = solution[: 10 * n].reshape(n, 10)
     if given is not None:
         motor_inertia = np.array(given, float)
     else:
-        total = np.maximum(_joint_inertia(fitted) + solution[10 * n : 11 * n], 0.1 * _joint_inertia(cad))
-        motor_inertia = 0.5 * total
+        solution = _rigid_fit(columns, torque, cad, None)
+        fitted = _joint_inertia(solution[: 10 * n].reshape(n, 10))
+        motor_inertia = 0.5 * np.maximum(fitted + solution[10 * n : 11 * n], 0.1 * _joint_inertia(cad))
     solution = _rigid_fit(columns, torque, cad, motor_inertia)
     inertial = _feasible_between(cad, solution[: 10 * n].reshape(n, 10))
     viscous = solution[11 * n : 12 * n]
