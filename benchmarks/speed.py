@@ -106,7 +106,7 @@ def descend_at_fixed_weights(
     begin = Solution(start.x, point, now, weights, cost, np.zeros(len(start.x), bool), False)
     reach = Reach(start.bounds, start.prior.feasible, equation.layout.compliance)
     Descent(
-        problem, reach, begin, negligible=0.0, halvings=12, watch=lambda now: reached(now.place.cost)
+        problem, reach, begin, negligible=0.0, damped=True, watch=lambda now: reached(now.place.objective)
     ).run(60)
 
 

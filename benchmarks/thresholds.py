@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.estimation import ESTIMATION, Bounds, Prior, Solved, TwoBandData, solve, start_values
-from flexviz.estimation.weighted_point import EarlyWhitening
+from flexviz.estimation import Bounds, Prior, Solved, TwoBandData, Whitening, solve, start_values
 from flexviz.identification import identify, parameter_estimates
 from flexviz.identification.thresholds import IDENTIFICATION
 from flexviz.measurements import MeasurementSet, read_set
@@ -49,10 +48,7 @@ class Case:
     def refined(self, prior: Prior) -> Solved:
         """The refinement without model error, from the plain fit."""
         data = TwoBandData(self.measurements, self.measurements.fit_groups, prior.layout)
-        step = ESTIMATION.negligible_step
-        return solve(
-            EarlyWhitening(data), prior, self.bounds, self.x, iterations=12, negligible=step, least=2
-        )
+        return solve(Whitening(data), prior, self.bounds, self.x, iterations=12)
 
 
 def simulated(folder: Path, friction: float, seeds: int, fitted: tuple[str, ...] = ()) -> list[Case]:
@@ -83,10 +79,13 @@ def print_noise_explains(folder: Path, seeds: int) -> list[Case]:
             solved = case.refined(case.prior)
             layout = case.prior.layout
             kept = [*range(layout.compliance.start, layout.motor_inertia.stop)]
-            error = (solved.point.x - layout.vector(case.truth))[kept]
-            chi.append(float(np.mean(solved.point.chi)))
+            error = (solved.place.x - layout.vector(case.truth))[kept]
+            chi.append(float(np.mean(solved.place.chi)))
             for ratio, from_noise in zip(ratios, (True, False), strict=True):
-                ratio.append(error / solved.covariance(from_noise).standard_errors[kept])
+                ratio.append(
+                    error
+                    / solved.place.covariance(case.prior, from_noise, solved.at_bound).standard_errors[kept]
+                )
         actual = [float(np.sqrt(np.mean(np.square(r)))) for r in ratios]
         print(f"   {friction:<15g} {np.mean(chi):7.3f} {actual[0]:12.2f} {actual[1]:12.2f}")
     return clean
@@ -95,13 +94,13 @@ def print_noise_explains(folder: Path, seeds: int) -> list[Case]:
 def print_spreads(case: Case) -> None:
     print("2. spreads ×   largest shift [standard errors]   largest change of a standard error")
     usual = case.refined(case.prior)
-    before = usual.covariance(True)
+    before = usual.place.covariance(case.prior, True, usual.at_bound)
     told = before.prior_share < IDENTIFICATION.prior_share
     for factor in (1 / 3, 3.0):
         prior = replace(case.prior, spread=factor * case.prior.spread)
         solved = case.refined(prior)
-        after = solved.covariance(True)
-        shift = np.abs(solved.point.x - usual.point.x)[told] / before.standard_errors[told]
+        after = solved.place.covariance(prior, True, solved.at_bound)
+        shift = np.abs(solved.place.x - usual.point.x)[told] / before.standard_errors[told]
         change = after.standard_errors[told] / before.standard_errors[told] - 1
         print(f"   {factor:<10.2g} {shift.max():22.3f} {np.abs(change).max():30.1%}")
 
@@ -109,7 +108,7 @@ def print_spreads(case: Case) -> None:
 def print_floors(folder: Path) -> None:
     case = simulated(folder / "floors", 2.0, 1, (PRESENT, *ABSENT))[0]
     solved, prior = case.refined(case.prior), case.prior
-    covariance = solved.covariance(True)
+    covariance = solved.place.covariance(prior, True, solved.at_bound)
     for field, values, part in (
         ("effect_floor", (0.0, 0.002, 0.007, 0.02, 0.06), "."),
         ("viscous_floor", (0.0, 0.02, 0.05, 0.1, 0.2), "_viscous_"),
@@ -117,7 +116,7 @@ def print_floors(folder: Path) -> None:
         for value in values:
             thresholds = replace(IDENTIFICATION, **{field: value})
             found = parameter_estimates(
-                prior.layout, solved.point.x, prior.centre, covariance, solved.at_bound, prior, thresholds
+                prior.layout, solved.place.x, prior.centre, covariance, solved.at_bound, prior, thresholds
             )
             kept = [p for p in found if part in p.name]
             if value == 0.0:

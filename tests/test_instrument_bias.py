@@ -196,7 +196,7 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     alone = context.two_band.with_layout(layout)
     refined = refine(alone, prior, bounds, start)
     assert refined.converged
-    check(alone, refined.x)
+    check(alone, refined.place.x)
 
     band = BandwidthData(2 * np.pi * 14, alone.wide.signals, alone.narrow, alone)
     seconds = np.arange(band.signals.count) * 20 // band.signals.count

@@ -92,12 +92,13 @@ def test_normal_equations_of_some_samples_at_a_time(
     context: FitContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     layout, x = x_of(context)
-    now = context.two_band.with_layout(layout).narrow.evaluate(x)
+    point = context.two_band.with_layout(layout).narrow.at(x)
+    now, prior = point.evaluate(x), context.start(layout).prior
     weights = np.random.default_rng(0).uniform(0.5, 2.0, now.residual.shape)
-    prior = context.start(layout).prior
-    whole = least_squares.normal_equations(now, weights, prior, x)
+    place = least_squares.Solution(x, point, now, weights, 0.0, np.zeros(len(x), bool), False)
+    whole = least_squares.normal_equations(place, prior)
     monkeypatch.setattr(least_squares, "SAMPLES_TOGETHER", 100)
-    parts = least_squares.normal_equations(now, weights, prior, x)
+    parts = least_squares.normal_equations(place, prior)
     for part, exact in ((parts.gradient, whole.gradient), (parts.hessian, whole.hessian)):
         np.testing.assert_allclose(part, exact, atol=1e-12 * np.abs(exact).max())
 

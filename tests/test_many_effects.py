@@ -21,7 +21,7 @@ from flexviz.diagnosis.unknown_curve import best_curve, curve_gain
 from flexviz.effects import ChosenEffect
 from flexviz.effects.free_curve import SIZE, FreeFrictionCurve
 from flexviz.equation import Layout
-from flexviz.estimation import Bounds, bounded_minimum
+from flexviz.estimation import Bounds, bounded_step
 from flexviz.measurements import read_set
 from tests.planar_arm import HELD_OUT, planar_set
 
@@ -30,7 +30,7 @@ LIMITS, CURVE = THRESHOLDS.prior, FreeFrictionCurve()
 DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
 
 
-def test_bounded_minimum_against_scipy():
+def test_bounded_step_against_scipy():
     rng = np.random.default_rng(3)
     for _ in range(60):
         size = int(rng.integers(2, 20))
@@ -39,7 +39,7 @@ def test_bounded_minimum_against_scipy():
         b = rng.normal(size=size + 3)
         lower = -rng.uniform(0, 0.5, size) * (rng.random(size) < 0.7)
         upper = rng.uniform(0, 0.5, size)
-        step, held = bounded_minimum(-a.T @ b, a.T @ a, np.zeros(size), Bounds(lower, upper))
+        step, held = bounded_step(-a.T @ b, a.T @ a, np.zeros(size), Bounds(lower, upper))
         best = lsq_linear(a, b, (lower - 1e-15, upper + 1e-15), method="bvls", tol=1e-14)
         assert np.all((step >= lower) & (step <= upper))
         assert np.sum((a @ step - b) ** 2) <= 2 * best.cost * (1 + 1e-6) + 1e-9

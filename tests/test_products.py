@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.equation import Chain, FilteredProducts, LinkTerms, layout_of
+from flexviz.estimation.noise_model import REFINING
 from flexviz.estimation.two_band import TwoBandData
 from flexviz.identification import identify
 from flexviz.measurements import Segment
@@ -65,8 +66,8 @@ def test_products_need_twice_the_band(every: int, fast_enough: bool) -> None:
                                   for s in g.segments))
         for g in whole.groups
     ]  # fmt: skip
-    data = TwoBandData(whole, thinned, layout_of(whole))
-    assert data.with_products().has_products == fast_enough and not data.has_products
+    data = TwoBandData(whole, thinned, layout_of(whole), replace(REFINING, products=True))
+    assert data.has_products == fast_enough
 
 
 def test_links_that_break_loose_leave_less(tmp_path: Path) -> None:

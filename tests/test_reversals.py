@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz import diagnose
-from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, FitContext
 from flexviz.effects import EFFECTS, LawEffect
 from flexviz.equation import layout_of
 from flexviz.equation.reversal_nuisance import undecided
@@ -84,7 +85,8 @@ def test_impacts_of_a_large_backlash_need_products_before_the_filter(tmp_path: P
     effects = ["backlash:joint2"]
     layout = layout_of(measurements, effects)
     near = layout.vector(identify(measurements, effects=effects, refine=True).model)
-    after, before = FitContext(measurements, layout), FitContext(measurements, layout).with_products()
+    after = FitContext(measurements, layout)
+    before = FitContext(measurements, layout, replace(SEARCH_WEIGHTING, products=True))
     assert after.fit(layout, near, iterations=6).chi.max() > 10.0  # products of filtered signals
     fit = before.fit(layout, near, iterations=6)
     assert fit.chi.max() < 1.3 and fit.chi_held_out.max() < 1.3

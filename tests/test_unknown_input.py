@@ -118,7 +118,9 @@ def test_an_effect_of_the_library_has_a_place_too_but_a_complete_model_none(tmp_
     for effects, found in (((), True), ((ChosenEffect("coulomb_friction", 1),), False)):
         layout = Layout(joints, effects)
         context = FitContext(measurements, layout)
-        place = unknown_place(context, context.fit(layout, context.start(layout).x), lambda: None)
+        place = unknown_place(
+            context, context.fit(layout, context.start(layout).x, iterations=10), lambda: None
+        )
         assert (place is not None) == found
         assert place is None or (place.joint, place.unknown.side) == ("joint2", "motor")
 

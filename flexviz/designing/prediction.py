@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.equation import layout_of
-from flexviz.estimation import TwoBandData, Whitening, sandwich, start_values
+from flexviz.estimation import TwoBandData, Whitening, start_values
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 
@@ -47,8 +47,7 @@ def predict_errors(measurements: MeasurementSet, model: FlexibleModel) -> tuple[
     data, x = TwoBandData(measurements, groups, layout), layout.vector(model)
     start = start_values(measurements, data.narrow)
     point = Whitening(data).point(start.bounds.clip(x))
-    normal = point.normal_equations(start.prior)
-    covariance = sandwich(normal.information, point.noise_score_covariance(), normal.prior_hessian)
+    covariance = point.covariance(start.prior, from_noise=True)
     std = covariance.standard_errors.copy()
     values = x.copy()
     compliance = layout.compliance

@@ -14,7 +14,6 @@ from flexviz.errors import InputError
 from flexviz.estimation import (
     Bounds,
     Covariance,
-    ModelErrorWhitening,
     Prior,
     Transfer,
     TwoBandData,
@@ -23,9 +22,8 @@ from flexviz.estimation import (
     least_norm_solve,
     noise_density,
     noise_paths,
-    sandwich,
-    score_covariance,
     solve,
+    spectral_covariance,
 )
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
@@ -37,7 +35,6 @@ Ints = NDArray[np.int64]
 Spans = dict[tuple[int, float], tuple[float, float]]
 
 MAX_STEPS = (6, 4)  # Gauss–Newton steps of the initial fit, at the bandwidth in use, and of each final fit
-NEGLIGIBLE_STEP = 0.05  # [standard deviations] step length that ends a fit
 
 
 @dataclass(frozen=True)
@@ -202,14 +199,13 @@ def fit_refined(
     it at every bandwidth.
     """
     assert band.two_band is not None
-    kind = Whitening if last else ModelErrorWhitening
     two_band = band.two_band.with_model_error(begin.model_error)
-    whitening = kind(two_band, own_error=band.own_error, window=seconds >= 0)
-    solved = solve(whitening, prior, bounds, begin.x, iterations=MAX_STEPS[last], negligible=NEGLIGIBLE_STEP)
-    point, model_error = solved.point, whitening.two_band.noise_model.model_error
+    whitening = Whitening(two_band, adapted=not last, own_error=band.own_error, window=seconds >= 0)
+    solved = solve(whitening, prior, bounds, begin.x, iterations=MAX_STEPS[last])
+    point, model_error = solved.place, whitening.two_band.noise_model.model_error
     if not last:
         return replace(begin, x=point.x, model_error=model_error)
-    covariance = solved.covariance(from_noise=not model_error.any())
+    covariance = point.covariance(prior, not model_error.any(), solved.at_bound)
     influence = _influence(point.sample_scores(), solved.normal.hessian, ~solved.at_bound, seconds)
     return BandwidthFit(point.x, covariance, solved.at_bound, model_error, influence)
 
@@ -231,15 +227,11 @@ def fit_plain(
     )
     if not last:
         return replace(begin, x=solution.x)
-    z = solution.evaluation.jacobian * solution.weights[:, :, None]
-    flat = z.reshape(-1, layout.size)
-    rows = [b.rows for b in band.signals.blocks]
-    r, free = solution.evaluation.residual * solution.weights, ~solution.at_bound
-    information = flat.T @ flat
-    prior_hessian = prior.gradient_and_hessian(solution.x)[1]
-    covariance = sandwich(information, score_covariance(r, z, rows), prior_hessian, solution.at_bound)
-    each = np.einsum("tjp,tj->tp", z, r)
-    influence = _influence(each, information + prior_hessian, free, seconds)
+    r, z = solution.whitened
+    rows, prior_hessian = [b.rows for b in band.signals.blocks], prior.gradient_and_hessian(solution.x)[1]
+    covariance = spectral_covariance(r, z, rows, prior_hessian, solution.at_bound)
+    flat, each = z.reshape(-1, layout.size), np.einsum("tjp,tj->tp", z, r)
+    influence = _influence(each, flat.T @ flat + prior_hessian, ~solution.at_bound, seconds)
     return BandwidthFit(solution.x, covariance, solution.at_bound, begin.model_error, influence)
 
 

@@ -96,7 +96,7 @@ class Coarse(Resolution[MotionFit]):
         fit = model.fit
         jacobians = [fit.point.evaluate(fit.x, moving=True).jacobian]
         if fit.held_out:
-            jacobians.append(fit.judged[1])
+            jacobians.append(fit.held_out_jacobian())
         gradient, hessian = fit.prior_derivatives
         return Linearised(
             fit.layout, fit.x, self.residuals(fit), jacobians, self.floor, fit.information + hessian,

@@ -17,7 +17,6 @@ from flexviz.measurements import MeasurementSet
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.prior
-MASSLESS_WEIGHT = 0.1  # of the prior of a body that is a dummy
 
 
 def firm_start(
@@ -40,8 +39,8 @@ def firm_start(
     known = given.initial_motor_inertia is not None
     logs[layout.motor_inertia] = LIMITS.motor_inertia_spread if known else LIMITS.guessed_spread
     masses = given.robot.cad_parameters[:, 0]
-    real = masses > LIMITS.massless * masses.max()
-    weight = np.where(real, LIMITS.inertial_spread**-2, MASSLESS_WEIGHT)
+    real = masses > LIMITS.massless * masses.max()  # the others are dummies
+    weight = np.where(real, LIMITS.inertial_spread**-2, prior.weight)
     spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
     # stiff joints do not show how viscous friction is split between motor and link
     speed = np.sqrt(np.mean(signals.theta[1] ** 2, axis=0)) + 1e-9
@@ -56,9 +55,8 @@ def firm_start(
             spread[k] = law.expected.get(spec.name, spread[k])
             if spec.name == law.offset_parameter and effect.joint in offsets:
                 lower[k] = upper[k] = float(np.mean(signals.theta[0, :, effect.joint]))
-    firm = replace(prior, weight=weight, log_spread=logs, spread=spread)
-    if stand_ins:
-        firm = replace(firm, coupled=tuple(_stand_ins(layout, np.std(signals.tau[0], axis=0))))
+    coupled = tuple(_stand_ins(layout, np.std(signals.tau[0], axis=0))) if stand_ins else prior.coupled
+    firm = replace(prior, weight=weight, log_spread=logs, spread=spread, coupled=coupled)
     return replace(start, prior=firm, bounds=Bounds(lower, upper))
 
 

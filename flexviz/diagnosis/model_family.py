@@ -15,8 +15,7 @@ from flexviz.estimation import Covariance, ScoredCandidate
 
 Array = NDArray[np.float64]
 
-RICH_ITERATIONS = 12  # of the rich model, which need not converge
-SMALL_START = 1e-3  # share of a typical size from which it starts
+SMALL_START = 1e-3  # share of a typical size from which the rich model starts
 (OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
 
 
@@ -55,14 +54,10 @@ class ModelFamily:
         context: the data.
         own: the set's own model, whose effects stay.
         say: called with a progress message; may raise to stop.
-
-    Attributes:
-        curves: free curves that stand for unknown laws.
     """
 
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         self.context, self.own, self.say = context, own, say
-        self.curves: tuple[ChosenEffect, ...] = ()
 
     def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
         """A model fitted from x, shape (P,)."""
@@ -77,30 +72,24 @@ class ModelFamily:
 
         return weigh
 
-    # -- the rich model
-
     def usual_fit(self, beside: MotionFit | None = None) -> MotionFit:
         """Every usual effect on every joint, from small sizes; `beside`: a model whose effects are kept."""
         have = self.own.effects if beside is None else beside.layout.effects
-        own = set(have)
-        replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in own}
-        usual = (
-            ChosenEffect(name, joint)
-            for name, law in EFFECTS.items()
-            if law.usual
-            for joint in range(self.own.n)
-        )
-        more = (e for e in usual if e not in own and (e.effect, e.joint) not in replaced)
+        replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in have}
+        names, joints = (name for name, law in EFFECTS.items() if law.usual), range(self.own.n)
+        usual = (ChosenEffect(name, joint) for name in names for joint in joints)
+        more = (e for e in usual if e not in have and (e.effect, e.joint) not in replaced)
         layout = Layout(self.own.joints, (*have, *more))
         start = self.context.start(layout).x
         x = start.copy() if beside is None else layout.vector(beside.layout.model(beside.x))
         for effect, where in layout.effect_slices():
-            if beside is not None and effect in own:
+            if beside is not None and effect in have:
                 continue
-            values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0, layout, start)))
-            values[list(EFFECTS[effect.effect].size_at)] *= SMALL_START
+            law = EFFECTS[effect.effect]
+            values = np.array(law.typical(self.scale(effect.joint or 0, layout, start)))
+            values[list(law.size_at)] *= SMALL_START
             x[where] = values
-        return self.fit(layout, x, RICH_ITERATIONS)
+        return self.fit(layout, x, MAX_ITERATIONS // 2)  # it need not converge
 
     def scale(self, joint: int, layout: Layout, x: Array) -> JointScale:
         """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""

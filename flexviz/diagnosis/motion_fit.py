@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import Phase, Phases, louder, phases, robust_weights, sample_step
+from flexviz.diagnosis.motion_samples import Phase, Phases, phases, robust_weights, sample_step
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -27,10 +27,8 @@ from flexviz.estimation import (
     Projection,
     Reach,
     Start,
-    bounded_minimum,
     residual_noise,
-    sandwich,
-    score_covariance,
+    spectral_covariance,
     start_values,
 )
 from flexviz.measurements import Group, MeasurementSet
@@ -40,14 +38,11 @@ from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.criterion
 HERTZ = 7.0  # band of the motion
-MAX_ITERATIONS, MAX_HALVINGS = 25, 6
-SETTLED, NEGLIGIBLE_STEP = (
-    0.5,
-    0.05,
-)  # change of the objective, and step [standard deviations], that end a fit
+MAX_ITERATIONS = 25
+SETTLED = 0.5  # change of the objective that ends a fit
 LONGEST_EDGE = 0.1  # share of a stretch that is dropped at each of its ends at most
+NEAR = 8.0  # times the noise, below which rest and motion are not told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +57,6 @@ class MotionFit:
         torque: transmission torque of the fit groups, shape (N, n) [Nm].
         link: rigid-body terms of the fit groups.
         weights: shape (N, n), 1/σ of each sample and joint, less for outliers [1/Nm].
-        sigma: shape (n,), σ of each joint [Nm].
         at_bound: shape (P,), parameters held at a bound.
         objective: twice the negative log likelihood of residuals of unknown variance, and the prior.
     """
@@ -75,11 +69,9 @@ class MotionFit:
     torque: Array
     link: LinkTerms
     weights: Array
-    sigma: Array
     at_bound: NDArray[np.bool_]
     objective: float
     _jacobian: Recent[Array] = field(default_factory=partial(Recent, "weighted", 3), init=False)
-    _judged: Recent[tuple[Array, Array]] = field(default_factory=partial(Recent, "judged", 3), init=False)
 
     @cached_property
     def prior_derivatives(self) -> tuple[Array, Array]:
@@ -119,62 +111,29 @@ class MotionFit:
 
     @cached_property
     def covariance(self) -> Covariance:
-        """Of the parameters."""
-        return self.covariance_with(self.held)
-
-    def covariance_with(self, held: NDArray[np.bool_]) -> Covariance:
-        """The same with parameters held, shape (P,)."""
-        return sandwich(self.information, self._score, self.prior_derivatives[1], held)
-
-    @cached_property
-    def _score(self) -> Array:  # from the residual's own spectra
-        return score_covariance(*self.whitened, [b.rows for b in self.context.signals.blocks])
+        """Of the parameters, from the residual's own spectra."""
+        rows = [b.rows for b in self.context.signals.blocks]
+        return spectral_covariance(*self.whitened, rows, self.prior_derivatives[1], self.held)
 
     @property
     def held(self) -> NDArray[np.bool_]:
         """Parameters at a bound that count as certain: those of effects, not the robot's own, shape (P,)."""
         return self.at_bound & (np.arange(len(self.x)) >= self.layout.effect_start)
 
-    @cached_property
-    def rms(self) -> Array:
-        """Residual of the fit groups, shape (n,) [Nm]."""
-        used = self.context.used
-        return np.sqrt(np.sum(self.residual**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))
-
     @property
-    def judged(self) -> tuple[Array, Array]:
-        """Residual and Jacobian of the validation groups, or of the fit groups where there are none.
-
-        Zero at standstill where that is judged apart.
-        """
-        return self._judged.get(self._evaluate_judged)
-
-    def _evaluate_judged(self) -> tuple[Array, Array]:
-        equation, used = self.context.held_out_equation(self.layout), self.context.judged_used
-        point = self.point if equation is None else equation.at(self.x)
-        found = point.evaluate(self.x, moving=True)
-        return found.residual * used, found.jacobian * used[:, :, None]
+    def held_out(self) -> bool:
+        """Whether there are validation groups."""
+        return self.context.judged_signals is not self.context.signals
 
     @cached_property
     def held_out_residual(self) -> Array:
         """Residual of the validation groups, shape (N, n) [Nm]."""
-        equation = self.context.held_out_equation(self.layout)
-        assert equation is not None
-        return equation.at(self.x).residual(self.x)
+        return self.context.equation(self.layout, held_out=True).at(self.x).residual(self.x)
 
-    @property
-    def held_out(self) -> bool:
-        """Whether the judged samples were not fitted."""
-        return self.context.judged_signals is not self.context.signals
-
-    def held_out_rms(self) -> Array:
-        """Residual of `judged`, shape (n,) [Nm]."""
-        return self._held_out_rms
-
-    @cached_property
-    def _held_out_rms(self) -> Array:
-        count = np.maximum(self.context.judged_used.sum(axis=0), 1)
-        return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / count)
+    def held_out_jacobian(self) -> Array:
+        """Jacobian of the validation groups, shape (N, n, P); zero where a sample does not count."""
+        point = self.context.equation(self.layout, held_out=True).at(self.x)
+        return point.evaluate(self.x, moving=True).jacobian * self.context.judged_used[:, :, None]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
@@ -197,6 +156,7 @@ class MotionContext:
     Attributes:
         measurements: the set.
         signals: of the fit groups.
+        judged_signals: of the validation groups, or of the fit groups where there are none.
         first_phase: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
         stand_ins: free curves only stand for what has no law (`firm_start`).
     """
@@ -207,10 +167,10 @@ class MotionContext:
         self.measurements, self.stand_ins = measurements, stand_ins
         held = measurements.validation_groups
         self.signals = self._signals(measurements.fit_groups)
-        self._held = self._signals(held) if held else None
+        self.judged_signals = self._signals(held) if held else self.signals
         self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
-        self._shared, self._held_shared = dict[object, Any](), dict[object, Any]()
-        bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
+        self._shared = dict[object, Any](), dict[object, Any]()  # of both
+        bare = self.equation(Layout(joints))
         self._start = start_values(measurements, bare)
         rigid = bare.evaluate(self._start.x)
         noise = segments_noise([b.segment for b in self.signals.blocks])
@@ -219,12 +179,11 @@ class MotionContext:
         self.spread: Array = np.std(self.signals.tau[0], axis=0)
 
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
-        observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
         step = sample_step([s for g in groups for s in g.segments], HERTZ)
-        edge = LONGEST_EDGE
         made = build_signals(
-            self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge
-        )
+            self.measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ),
+            sample_step=step, exact_step=True, longest_edge=LONGEST_EDGE,
+        )  # fmt: skip
         return replace(made, sharp=True)
 
     @cached_property
@@ -235,7 +194,7 @@ class MotionContext:
     @cached_property
     def judged_phases(self) -> Phases:
         """Of `judged_signals`, shape (N, n)."""
-        return self.phases if self._held is None else phases(self._held)
+        return phases(self.judged_signals)
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -247,14 +206,10 @@ class MotionContext:
         """Samples of `judged_signals` that count, shape (N, n)."""
         return self.judged_phases >= self.first_phase
 
-    def equation(self, layout: Layout) -> Equation:
-        """Equation of the fit groups."""
-        return Equation(self.measurements.robot, self.signals, layout, self._shared)
-
-    def held_out_equation(self, layout: Layout) -> Equation | None:
-        """Equation of the validation groups; None without any."""
-        held = self._held
-        return held and Equation(self.measurements.robot, held, layout, self._held_shared)
+    def equation(self, layout: Layout, held_out: bool = False) -> Equation:
+        """Equation of the fit groups, or of the validation groups."""
+        signals = self.judged_signals if held_out else self.signals
+        return Equation(self.measurements.robot, signals, layout, self._shared[held_out])
 
     def set_standstill_apart(self, fit: MotionFit) -> bool:
         """From now on leave out the standstill of joints where a fit errs much more at rest than in motion.
@@ -262,19 +217,14 @@ class MotionContext:
         Returns whether there are more than before. At rest friction takes any value up to its limit, brakes
         hold, and controllers drift: no law of the motion describes the torque there.
         """
-        before = self.first_phase
-        self.first_phase = np.where(self.louder_before_motion(fit), np.int8(Phase.MOTION), before)
+        before, moving = self.first_phase, self.phases == Phase.MOTION
+        rest, motion = (
+            np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
+            for part in (~moving & self.used, moving)
+        )
+        louder = (np.sqrt(rest) > NEAR * self.noise_floor) & (rest > THRESHOLDS.standstill.ratio**2 * motion)
+        self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
-
-    def louder_before_motion(self, fit: MotionFit) -> NDArray[np.bool_]:
-        """Joints where a fit errs much more at rest and just after it than in motion, shape (n,)."""
-        moving = self.phases == Phase.MOTION
-        return louder(fit.residual, ~moving & (self.phases >= self.first_phase), moving, self.noise_floor)
-
-    @property
-    def judged_signals(self) -> Signals:
-        """Of the validation groups, or of the fit groups where there are none."""
-        return self._held or self.signals
 
     def start(self, layout: Layout) -> Start:
         """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""
@@ -298,19 +248,13 @@ class MotionContext:
         """
         start = self.start(layout)
         problem = MotionProblem(self, self.equation(layout), start.prior, check)
-
-        def watch(descent: Descent[MotionFit]) -> bool:
-            descent.place.at_bound[:] = descent.at_bound
-            return False
-
-        descent = Descent(
-            problem, Reach(start.bounds, start.prior.feasible, layout.compliance),
-            problem.at(start.bounds.clip(x)), negligible=NEGLIGIBLE_STEP,
-            settled=SETTLED, halvings=MAX_HALVINGS, bounded=bounded_minimum, watch=watch,
-        )  # fmt: skip
+        reach = Reach(start.bounds, start.prior.feasible, layout.compliance)
+        descent = Descent(problem, reach, problem.at(start.bounds.clip(x)), settled=SETTLED, damped=True)
         descent.run(iterations)
-        descent.place.point.context.forget()  # a search keeps many fits
-        return descent.place
+        found = descent.place
+        found.at_bound[:] = descent.at_bound
+        found.point.context.forget()  # a search keeps many fits
+        return found
 
 
 @dataclass(frozen=True)
@@ -327,9 +271,9 @@ class MotionProblem:
         self.check()
         context, point = self.context, self.equation.at(x, before and before.point)
         now = point.evaluate(x, moving=True)
-        weights, sigma, misfit = robust_weights(now.residual, context.noise_floor, context.used)
+        weights, misfit = robust_weights(now.residual, context.noise_floor, context.used)
         fit = MotionFit(
-            context, point.layout, x, point, now.residual, now.torque[0].copy(), now.link, weights, sigma,
+            context, point.layout, x, point, now.residual, now.torque[0].copy(), now.link, weights,
             np.zeros(len(x), bool), misfit + 2 * self.prior.value(x),
         )  # fmt: skip
         fit._jacobian.get(lambda: fit._weighted(now.jacobian))
@@ -338,12 +282,11 @@ class MotionProblem:
     def lower(self, x: Array, before: MotionFit) -> MotionFit | None:
         """The same if the objective is lower at the operating point of another."""
         context = self.context
-        misfit = robust_weights(before.point.residual(x), context.noise_floor, context.used)[2]
+        misfit = robust_weights(before.point.residual(x), context.noise_floor, context.used)[1]
         return self.at(x, before) if misfit + 2 * self.prior.value(x) < before.objective else None
 
     def normal_equations(self, place: MotionFit) -> NormalEquations:
         """Of half the objective."""
-        residual, jacobian = place.whitened
-        gradient, hessian = self.prior.gradient_and_hessian(place.x)
-        slope = jacobian.reshape(-1, len(place.x)).T @ residual.ravel()
+        gradient, hessian = place.prior_derivatives
+        slope = place.instruments().T @ place.whitened[0].ravel()
         return NormalEquations(gradient + slope, place.information, hessian)

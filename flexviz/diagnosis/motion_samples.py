@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 Phases = NDArray[np.int8]
 
 LIMITS, OUTLIER = THRESHOLDS.standstill, THRESHOLDS.criterion.outlier
-NEAR = 8.0  # times the noise, below which rest and motion are not told apart
 MAX_SAMPLES = 4000  # of a long record, before they become sparser than a short one's
 
 
@@ -39,7 +38,7 @@ def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> 
     return np.maximum(sigma, floor)
 
 
-def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, float]:
+def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tuple[Array, float]:
     """Huber's weights of residuals of unknown variance.
 
     Args:
@@ -48,13 +47,13 @@ def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tu
         used: shape (N, n), samples that count.
 
     Returns:
-        weights (N, n) [1/Nm], σ (n,) [Nm], and twice the negative log likelihood.
+        weights (N, n) [1/Nm], and twice the negative log likelihood.
     """
     sigma = robust_deviation(residual, floor, used)
     ratio = np.abs(residual) / sigma * used
     weights = used * np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(ratio, 1e-12))) / sigma
     loss = np.where(ratio < OUTLIER, ratio**2, OUTLIER * (2 * ratio - OUTLIER))
-    return weights, sigma, 2 * float(used.sum(axis=0) @ np.log(sigma)) + float(loss.sum())
+    return weights, 2 * float(used.sum(axis=0) @ np.log(sigma)) + float(loss.sum())
 
 
 class Phase(IntEnum):
@@ -80,14 +79,3 @@ def phases(signals: Signals) -> Phases:
                 stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
                 phase[start:stop, j] = np.minimum(phase[start:stop, j], Phase.START)
     return phase
-
-
-def louder(
-    residual: Array, here: NDArray[np.bool_], moving: NDArray[np.bool_], floor: Array
-) -> NDArray[np.bool_]:
-    """Joints whose residual (N, n) is much larger in samples `here` than in those of motion, shape (n,)."""
-    squares = residual**2
-    there = np.sum(squares * here, axis=0) / np.maximum(here.sum(axis=0), 1)
-    moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
-    loud = np.sqrt(there) > NEAR * floor
-    return loud & (there > LIMITS.ratio**2 * moved)

@@ -217,7 +217,6 @@ class Resolution(ABC, Generic[AnyFit]):
         return score_by_joint(
             at.point, at.chain, wanted, at.weigh, at.projection, check=self.check,
             longest=EFFORT.longest_episode if episodes else None, without=set(fit.layout.effects),
-            signatures=False,
         )  # fmt: skip
 
     # -- drops

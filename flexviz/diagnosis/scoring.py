@@ -9,8 +9,6 @@ from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
 from flexviz.parallel import shared
 
-MOST_SENT = 3e7  # numbers; to send more between processes takes longer than what the other cores save
-
 
 def score_by_joint(
     point: OperatingPoint,
@@ -22,8 +20,6 @@ def score_by_joint(
     check: Callable[[], None],
     longest: float | None,
     without: Collection[ChosenEffect] = (),
-    signatures: bool = True,
-    joints: Sequence[int | None] | None = None,
 ) -> list[ScoredCandidate]:
     """Scores of candidates and of the best episodes, the best first.
 
@@ -32,8 +28,6 @@ def score_by_joint(
         check: called before each joint; may raise to stop.
         longest: maximum length of an episode relative to its stretch; None: no episodes.
         without: episodes that are not wanted.
-        signatures: whether the scores keep their signatures.
-        joints: whose candidates are scored; None among them: those without a joint. Default: all.
     """
 
     def of_joint(joint: int | None) -> list[ScoredCandidate]:
@@ -42,9 +36,7 @@ def score_by_joint(
         if longest is not None and joint is not None:
             intervals = best_intervals(point, joint, weigh, projection, longest=longest)
             found += [s for s in intervals if s.effect not in without]
-        return found if signatures else [s.without_signature() for s in found]
+        return found
 
-    each = [*range(point.layout.n), None] if joints is None else joints
-    few = not signatures or projection.residual.size * len(wanted) < MOST_SENT
-    parts = shared(of_joint, each) if few else map(of_joint, each)
+    parts = shared(of_joint, [*range(point.layout.n), None])
     return sorted((s for part in parts for s in part), key=lambda s: -s.gain)

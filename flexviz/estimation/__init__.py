@@ -1,18 +1,17 @@
 """Estimation core: noise model, two-band data, instrumental variables, covariance, prior and start values."""
 
 from flexviz.estimation.base_inertials import BaseParameters, base_parameters
-from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
+from flexviz.estimation.covariance import Covariance, sandwich, spectral_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
-from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
+from flexviz.estimation.instrumental_variables import Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
 from flexviz.estimation.linear_algebra import (
     Bounds,
-    bounded_minimum,
     bounded_step,
     least_norm_solve,
     scaled_inverse,
 )
-from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
+from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened
 from flexviz.estimation.prior import Prior, pseudo_inertia
@@ -21,7 +20,7 @@ from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import TwoBandData, residual_noise
 from flexviz.estimation.unknown_input import SIDES, Side, UnknownInput
-from flexviz.estimation.weighted_point import ModelErrorWhitening, Point, TrackingWhitening, Whitening
+from flexviz.estimation.weighted_point import Point, Whitening
 from flexviz.estimation.whitening import Whitener
 
 __all__ = [
@@ -33,8 +32,6 @@ __all__ = [
     "Bounds",
     "Covariance",
     "Descent",
-    "ModelErrorWhitening",
-    "NoiseModel",
     "NoisePath",
     "NormalEquations",
     "Place",
@@ -43,14 +40,12 @@ __all__ = [
     "Problem",
     "Projection",
     "Reach",
-    "Refined",
     "ScoredCandidate",
     "Side",
     "Solution",
     "Solved",
     "Start",
     "Stopped",
-    "TrackingWhitening",
     "Transfer",
     "TwoBandData",
     "UnknownInput",
@@ -60,7 +55,6 @@ __all__ = [
     "Whitening",
     "base_parameters",
     "best_intervals",
-    "bounded_minimum",
     "bounded_step",
     "explained",
     "gauss_newton",
@@ -75,8 +69,8 @@ __all__ = [
     "sandwich",
     "scaled_inverse",
     "score",
-    "score_covariance",
     "solve",
+    "spectral_covariance",
     "start_values",
     "whitened",
 ]

@@ -17,6 +17,7 @@ from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
 
+DEPENDENT = 1e-7  # size of a column, and what is left of it, below which it counts as dependent
 _PREFERRED = (9, 1, 2, 3, 4, 5, 6, 7, 8, 0)  # izz, mx, my, mz, ixx … iyz, mass
 
 
@@ -41,24 +42,16 @@ def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
     n = robot.n
     q, v, a = rng.uniform(-2.5, 2.5, (3, 12 * n + 8, n))
     y = LinkDynamics(robot).regressor(q, v, a).reshape(-1, 10 * n)
-    order = [10 * j + k for k in _PREFERRED[:-1] for j in reversed(range(n))] + [
-        10 * j for j in reversed(range(n))
+    order = [10 * j + k for k in _PREFERRED for j in reversed(range(n))]
+    scale = np.maximum(np.linalg.norm(y, axis=0), 1e-300)
+    # a column that depends on those before it has nothing left on the diagonal of R
+    left = np.abs(np.diag(np.linalg.qr((y / scale)[:, order], mode="r")))
+    seen = scale[order] > DEPENDENT * scale.max()
+    kept = [
+        column for column, independent in zip(order, seen & (left > DEPENDENT), strict=True) if independent
     ]
-    scale = np.linalg.norm(y, axis=0)
-    kept: list[int] = []
-    basis = np.zeros((len(y), 0))
-    for column in order:
-        if scale[column] < 1e-9 * scale.max():
-            continue
-        rest = y[:, column] / scale[column]
-        for _ in range(2):  # two passes give orthogonality to rounding
-            rest = rest - basis @ (basis.T @ rest)
-        norm = np.linalg.norm(rest)
-        if norm > 1e-7:
-            kept.append(column)
-            basis = np.column_stack((basis, rest / norm))
     matrix: Array = np.linalg.lstsq(y[:, kept], y, rcond=None)[0].astype(float)
-    matrix[np.abs(matrix) < 1e-8] = 0.0
+    matrix[np.abs(matrix) < DEPENDENT] = 0.0
     names = []
     for row, column in zip(matrix, kept, strict=True):
         terms = [_name(robot, column)]

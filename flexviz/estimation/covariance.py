@@ -65,6 +65,22 @@ def sandwich(
     return Covariance(matrix, share)
 
 
+def spectral_covariance(
+    residual: Array,
+    jacobian: Array,
+    rows: Sequence[slice],
+    prior: Array,
+    at_bound: NDArray[np.bool_] | None = None,
+) -> Covariance:
+    """Sandwich covariance with the score from the residual's own spectra; arguments as in the two it uses."""
+    flat = jacobian.reshape(-1, jacobian.shape[2])
+    free = slice(None) if at_bound is None or not at_bound.any() else np.flatnonzero(~at_bound)
+    score = np.zeros((len(prior), len(prior)))
+    index = np.arange(len(prior))[free]
+    score[np.ix_(index, index)] = score_covariance(residual, jacobian[:, :, free], rows)
+    return sandwich(flat.T @ flat, score, prior, at_bound)
+
+
 def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
     """Score covariance Jᵀ T J with T from the smoothed cross spectra of the residual.
 
@@ -80,6 +96,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     longest = max(r.stop - r.start for r in rows)
     length = quick_length(2 * longest)
     spectrum = cross_spectrum(residual, rows, length)
+    least = 1e-12 * float(np.trace(spectrum, axis1=1, axis2=2).real.max()) + 1e-300
     total = np.zeros((size, size))
     share = np.full(length // 2 + 1, 2.0)  # one-sided spectrum: all but the first and last line count twice
     share[0] = 1.0
@@ -87,15 +104,11 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
         share[-1] = 1.0
     for r in rows:
         j = np.fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
-        factor = np.linalg.cholesky(spectrum + 1e-12 * np.eye(spectrum.shape[1]) * _mean_power(spectrum))
+        factor = np.linalg.cholesky(spectrum + least * np.eye(spectrum.shape[1]))
         left = np.matmul(factor.conj().transpose(0, 2, 1), j) * np.sqrt(share / length)[:, None, None]
         flat = left.reshape(-1, size)
         total += flat.real.T @ flat.real + flat.imag.T @ flat.imag
     return total
-
-
-def _mean_power(spectrum: Array) -> float:
-    return float(np.trace(spectrum, axis1=1, axis2=2).real.max()) + 1e-300
 
 
 def cross_spectrum(residual: Array, rows: Sequence[slice], length: int) -> Array:

@@ -5,7 +5,7 @@ solves H δx = −g within the bounds; its length √(δxᵀ H δx) is in standa
 descent ends where that is negligible. Weights are the problem's: fixed, or renewed at every place.
 
     problem = Weighted(…)                        # at, lower, normal_equations
-    descent = Descent(problem, Reach(bounds), place, negligible=0.05, halvings=6)
+    descent = Descent(problem, Reach(bounds), place, damped=True)
     descent.run(iterations=25)
     descent.place, descent.converged
 """
@@ -20,10 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.estimation.linear_algebra import Bounds, bounded_step, scaled_solve
+from flexviz.estimation.thresholds import ESTIMATION
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+HALVINGS = 12  # tried to find a lower place
 SHORTEST = 30  # halvings to the first feasible point of a step
 ACCELERATION_DEPTH = 3  # past steps that an extrapolated step combines
 SHRINKING = 0.5  # times the last step, below which a step needs no extrapolation
@@ -70,7 +72,7 @@ class Problem(Protocol[P]):
         ...
 
     def lower(self, x: Array, before: P) -> P | None:
-        """The place at x if it has the lower objective, else None; asked if steps are halved."""
+        """The place at x if it has the lower objective, else None; asked if damped."""
         ...
 
     def normal_equations(self, place: P) -> NormalEquations:
@@ -114,10 +116,8 @@ class Descent(Generic[P]):
         place: the start.
         negligible: length of a step that ends the descent [standard deviations].
         settled: change of the objective by a step that ends it.
-        least: minimum number of steps.
-        halvings: tried to find a lower place, without one the descent ends; 0: every step is taken whole.
+        damped: halve a step until it leads lower, or else end the descent; otherwise it is taken whole.
         accelerated: extrapolate slow steps (`_extrapolated`).
-        bounded: solves for a step within the bounds.
         watch: called at every place; may raise to stop, and ends the descent by True.
 
     Attributes:
@@ -130,7 +130,7 @@ class Descent(Generic[P]):
         gained: decrease of the objective by the last step, infinite at first.
         converged: the step from there is negligible or the objective settled.
         ended: `watch` has ended the descent.
-        stuck: no place along that step is possible and, if steps are halved, lower.
+        stuck: no place along that step is possible and, if damped, lower.
     """
 
     place: P
@@ -143,17 +143,15 @@ class Descent(Generic[P]):
         reach: Reach,
         place: P,
         *,
-        negligible: float,
+        negligible: float = ESTIMATION.negligible_step,
         settled: float = 0.0,
-        least: int = 0,
-        halvings: int = 0,
+        damped: bool = False,
         accelerated: bool = False,
-        bounded: Callable[[Array, Array, Array, Bounds], tuple[Array, Bools]] = bounded_step,
         watch: Callable[[Descent[P]], bool | None] = lambda descent: None,
     ) -> None:
         self.problem, self.reach, self.place, self.best = problem, reach, place, place
-        self.negligible, self.settled, self.least, self.halvings = negligible, settled, least, halvings
-        self.accelerated, self.bounded, self.watch = accelerated, bounded, watch
+        self.negligible, self.settled, self.damped = negligible, settled, damped
+        self.accelerated, self.watch = accelerated, watch
         self.at_bound = np.zeros(len(place.x), bool)
 
     def run(self, iterations: int) -> None:
@@ -164,15 +162,14 @@ class Descent(Generic[P]):
         while True:
             self.normal = self.problem.normal_equations(self.place)
             x, hessian = self.place.x, self.normal.hessian
-            step, self.at_bound = self.bounded(self.normal.gradient, hessian, x, self.reach.bounds)
+            step, self.at_bound = bounded_step(self.normal.gradient, hessian, x, self.reach.bounds)
             self.length = _length(step, hessian)
-            over = self.length < self.negligible or abs(self.gained) < self.settled
-            self.converged = over and self.steps >= self.least
+            self.converged = self.length < self.negligible or abs(self.gained) < self.settled
             self.ended = bool(self.watch(self))
             if self.converged or self.ended or self.steps == iterations:
                 break
             past = [*past[-ACCELERATION_DEPTH:], (x, step)]
-            there = self._extrapolated(past, hessian) or self._along(step, self.halvings)
+            there = self._extrapolated(past, hessian) or self._along(step, HALVINGS if self.damped else 0)
             if there is None:
                 self.stuck = True
                 break

@@ -16,7 +16,6 @@ from flexviz.estimation.prior import Prior
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-MAX_HALVINGS = 12
 STIFFER = 0.1  # times its compliance: a stiffness may grow at most tenfold in one step, and fall at will
 SAMPLES_TOGETHER = 4000  # weighted at a time
 STATE_REWEIGHTINGS = 5  # more, for effects that depend on identified quantities
@@ -35,7 +34,7 @@ class Solution:
         point: operating point of the effects.
         evaluation: the equation at x.
         weights: shape (N, n), 1/σ of each sample and joint [1/Nm].
-        cost: ½ Σ (r/σ)² + prior.
+        objective: ½ Σ (r/σ)² + prior.
         at_bound: shape (P,), parameters held at a bound.
         converged: the last step was negligible.
     """
@@ -44,14 +43,15 @@ class Solution:
     point: OperatingPoint
     evaluation: Evaluation
     weights: Array
-    cost: float
+    objective: float
     at_bound: Bools
     converged: bool
 
     @property
-    def objective(self) -> float:
-        """The cost."""
-        return self.cost
+    def whitened(self) -> tuple[Array, Array]:
+        """Weighted residual (N, n) and Jacobian (N, n, P)."""
+        now, weights = self.evaluation, self.weights
+        return now.residual * weights, now.jacobian * weights[:, :, None]
 
 
 def gauss_newton(
@@ -65,7 +65,6 @@ def gauss_newton(
     reweightings: int = 3,
     max_iterations: int = 60,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
-    tolerance: float = 1e-2,
 ) -> Solution:
     """Minimise ½ Σ (r/σ)² + prior over x.
 
@@ -81,7 +80,6 @@ def gauss_newton(
         reweightings: number of estimates of σ; `STATE_REWEIGHTINGS` more for effects with a state.
         max_iterations: over all reweightings.
         report: called with x, cost and step length; may raise `Stopped`.
-        tolerance: step length that ends a round [standard deviations].
 
     Returns:
         the solution; `converged` is False if the iterations ran out or the user stopped the fit.
@@ -89,17 +87,15 @@ def gauss_newton(
 
     def tell(descent: Descent[Solution]) -> None:
         if np.isfinite(descent.came):
-            report(descent.place.x, descent.place.cost, descent.came)
+            report(descent.place.x, descent.place.objective, descent.came)
 
     problem = PlainProblem(equation, prior, mask)
     start = problem.start(x, equation.at(x, after))
     reach = Reach(bounds, prior.feasible, equation.layout.compliance, (STIFFER, np.inf))
-    descent = Descent(
-        problem, reach, start, negligible=tolerance, halvings=MAX_HALVINGS, accelerated=True, watch=tell
-    )
+    descent = Descent(problem, reach, start, damped=True, accelerated=True, watch=tell)
     left, converged = max_iterations, False
     try:
-        report(x, start.cost, np.inf)
+        report(x, start.objective, np.inf)
         for _ in range(reweightings + STATE_REWEIGHTINGS * equation.has_state):
             converged = False
             if left > 0:
@@ -131,16 +127,18 @@ class PlainProblem:
     def at(self, x: Array, before: Solution) -> Solution:
         """The state at x, shape (P,), with the weights of another."""
         now = before.point.evaluate(x)
-        return replace(before, x=x, evaluation=now, cost=weighted_cost(now, before.weights, self.prior, x))
+        return replace(
+            before, x=x, evaluation=now, objective=weighted_cost(now, before.weights, self.prior, x)
+        )
 
     def lower(self, x: Array, before: Solution) -> Solution | None:
         """The same if its cost is lower."""
         there = self.at(x, before)
-        return there if there.cost < before.cost else None
+        return there if there.objective < before.objective else None
 
     def normal_equations(self, place: Solution) -> NormalEquations:
         """Of the cost."""
-        return normal_equations(place.evaluation, place.weights, self.prior, place.x)
+        return normal_equations(place, self.prior)
 
     def reweighted(self, now: Solution) -> tuple[Solution, bool]:
         """The state with new weights, and whether they and the operating point are as before."""
@@ -155,16 +153,19 @@ class PlainProblem:
         count = np.maximum(self._used.sum(axis=0), 1)
         sigma = np.sqrt((now.evaluation.residual**2 * self._used).sum(axis=0) / count)
         weights = self._used / np.maximum(sigma, floor)
-        return replace(now, weights=weights, cost=weighted_cost(now.evaluation, weights, self.prior, now.x))
+        return replace(
+            now, weights=weights, objective=weighted_cost(now.evaluation, weights, self.prior, now.x)
+        )
 
 
-def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) -> NormalEquations:
-    """Normal equations of the cost at x, shape (P,)."""
-    gradient, prior_hessian = prior.gradient_and_hessian(x)
-    information = np.zeros((len(x), len(x)))
+def normal_equations(place: Solution, prior: Prior) -> NormalEquations:
+    """Normal equations of the cost."""
+    now, weights, size = place.evaluation, place.weights, len(place.x)
+    gradient, prior_hessian = prior.gradient_and_hessian(place.x)
+    information = np.zeros((size, size))
     for first in range(0, len(weights), SAMPLES_TOGETHER):
         rows = slice(first, first + SAMPLES_TOGETHER)
-        scaled = (now.jacobian[rows] * weights[rows, :, None]).reshape(-1, len(x))
+        scaled = (now.jacobian[rows] * weights[rows, :, None]).reshape(-1, size)
         gradient = gradient + scaled.T @ (now.residual[rows] * weights[rows]).ravel()
         information = information + scaled.T @ scaled
     return NormalEquations(gradient, information, prior_hessian)

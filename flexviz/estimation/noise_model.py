@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -31,10 +31,6 @@ class NoiseModel:
     ridge: float
     model_error: Array
     unknown_input: UnknownInput | None = None
-
-    def with_model_error(self, variance: Array) -> NoiseModel:
-        """The same with another variance of the model error, shape (n,) [Nm²]."""
-        return replace(self, model_error=variance)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ of two steps, so that the gain of every pair follows from the Gram matrix of the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,16 +84,13 @@ class Projection:
         gram[dead] = gram[:, dead] = along[dead] = 0.0
         return gram, along
 
-    def share(self, columns: Array, rows: slice | None = None) -> Array:
-        """Changes of the model's own parameters, shape (P, C), that imitate signatures (M_rows, C)."""
-        rows = slice(None) if rows is None else rows
-        return self._inverse @ (self.instruments[rows].T @ columns)
+    def share(self, columns: Array) -> Array:
+        """Changes of the model's own parameters, shape (P, C), that imitate signatures (M, C)."""
+        return self._inverse @ (self.instruments.T @ columns)
 
-    def rest(self, columns: Array, rows: slice | None = None) -> Array:
-        """Projected signatures, shape (M, C), of weighted ones (M_rows, C)."""
-        out = -(self.instruments @ self.share(columns, rows))
-        out[slice(None) if rows is None else rows] += columns
-        return out
+    def rest(self, columns: Array) -> Array:
+        """Projected signatures of weighted ones, shape (M, C)."""
+        return columns - self.instruments @ self.share(columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,19 +101,11 @@ class ScoredCandidate:
         effect: effect and location.
         gain: decrease of the weighted sum of squares.
         values: start values of the effect's parameters, shape (P,).
-        signature: shape (M_rows,), weighted signature at `values`.
-        rows: nonzero rows of the signature; None for all.
     """
 
     effect: ChosenEffect
     gain: float
     values: Array
-    signature: Array
-    rows: slice | None = None
-
-    def without_signature(self) -> ScoredCandidate:
-        """The same without what takes memory."""
-        return replace(self, signature=np.zeros(0), rows=None)
 
 
 def score(
@@ -151,7 +140,7 @@ def score(
             coefficients, gain = explained(gram[here, here], along[here])
             values = np.asarray(guess.to_values(coefficients), float)  # type: ignore[operator]
             if allowed(effect, values) and (effect not in best or gain > best[effect].gain):
-                best[effect] = ScoredCandidate(effect, gain, values, weighed[:, here] @ coefficients)
+                best[effect] = ScoredCandidate(effect, gain, values)
     return [best[effect] for effect in wanted if effect in best]
 
 
@@ -242,8 +231,6 @@ def best_intervals(
         a, b = first[best], last[best]
         torque = -share[best] / max(float(norm[best]), 1e-300)
         values = np.array([torque, instants[a], instants[b]])
-        signature = (weighed[:, a] - weighed[:, b]) * torque
         for episode in episodes:
-            effect = ChosenEffect(episode, joint, name)
-            out.append(ScoredCandidate(effect, float(gain[best]), values, signature, rows))
+            out.append(ScoredCandidate(ChosenEffect(episode, joint, name), float(gain[best]), values))
     return sorted(out, key=lambda s: -s.gain)

@@ -28,14 +28,12 @@ class Start:
         x: shape (P,).
         prior: prior around x.
         bounds: bounds of the parameters.
-        rigid_rms: shape (n,), residual of the rigid least-squares fit [Nm].
         point: operating point of the effects on the rigid robot; None if not evaluated.
     """
 
     x: Array
     prior: Prior
     bounds: Bounds
-    rigid_rms: Array
     point: OperatingPoint | None = None
 
 
@@ -70,14 +68,13 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
                 columns[:, joint, shifted] = unit.slopes[:, 0, :, m].T
 
     given = measurements.initial_motor_inertia
-    solution, residual = _rigid_fit(columns, torque, cad, None, n)
-    fitted = solution[: 10 * n].reshape(n, 10)
     if given is not None:
         motor_inertia = np.array(given, float)
     else:
-        total = np.maximum(_joint_inertia(fitted) + solution[10 * n : 11 * n], 0.1 * _joint_inertia(cad))
-        motor_inertia = 0.5 * total
-    solution, residual = _rigid_fit(columns, torque, cad, motor_inertia, n)
+        solution = _rigid_fit(columns, torque, cad, None)
+        fitted = _joint_inertia(solution[: 10 * n].reshape(n, 10))
+        motor_inertia = 0.5 * np.maximum(fitted + solution[10 * n : 11 * n], 0.1 * _joint_inertia(cad))
+    solution = _rigid_fit(columns, torque, cad, motor_inertia)
     inertial = _feasible_between(cad, solution[: 10 * n].reshape(n, 10))
     viscous = solution[11 * n : 12 * n]
 
@@ -93,8 +90,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     x[lay.motor_inertia] = motor_inertia
     x[lay.link_viscous] = x[lay.motor_viscous] = np.maximum(viscous, 0.0) / 2
     x[lay.effect_start :] = solution[12 * n :]
-    start = _assembled(lay, sig, x, cad, np.sqrt(np.mean(residual**2, axis=0)))
-    return replace(start, point=point)
+    return replace(_assembled(lay, sig, x, cad), point=point)
 
 
 def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
@@ -102,10 +98,10 @@ def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
     old = start.prior.layout
     x = np.zeros(layout.size)
     x[: layout.effect_start] = start.x[: old.effect_start]
-    return _assembled(layout, signals, x, start.prior.cad, start.rigid_rms)
+    return _assembled(layout, signals, x, start.prior.cad)
 
 
-def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, rigid_rms: Array) -> Start:
+def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array) -> Start:
     """Prior and bounds around x."""
     largest = np.max(np.abs(sig.tau[0]), axis=0)
     bounds = _bounds(lay, 1 / x[lay.compliance], x[lay.motor_inertia], largest, _constants(lay, sig))
@@ -118,31 +114,23 @@ def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, rigid_rms: Array
         (where.start, float(sig.count)) for e, where in lay.effect_slices() if EFFECTS[e.effect].scales_torque
     )
     prior = Prior(lay, cad, centre, spread, coupled=tuple(_coupled(lay, rms_torque)), scales=scales)
-    return Start(x, prior, bounds, rigid_rms)
+    return Start(x, prior, bounds)
 
 
-def _rigid_fit(
-    columns: Array, torque: Array, cad: Array, motor_inertia: Array | None, n: int
-) -> tuple[Array, Array]:
-    """Weighted least squares of τ on all columns with a weak CAD prior; optionally with B fixed.
-
-    Returns:
-        solution including B, and residual, shape (N, n).
-    """
-    size = columns.shape[2]
+def _rigid_fit(columns: Array, torque: Array, cad: Array, motor_inertia: Array | None) -> Array:
+    """Weighted least squares of τ on all columns with a weak CAD prior; optionally with B fixed."""
+    n, size = columns.shape[1:]
     centre, scale = np.zeros(size), np.full(size, np.inf)
     centre[: 10 * n] = cad.ravel()
     for body in range(n):
         moved = np.linalg.inv(pseudo_inertia(cad[body])) @ BASIS
         scale[10 * body : 10 * body + 10] = 1 / np.sqrt(np.einsum("kab,kba->k", moved, moved))
-    centre[10 * n : 11 * n] = 0.0
     free = np.ones(size, bool)
     x = centre.copy()
     if motor_inertia is not None:
         free[10 * n : 11 * n] = False
         x[10 * n : 11 * n] = motor_inertia
     sigma = np.sqrt(np.mean(torque**2, axis=0)) + 1e-9
-    residual = torque
     for _ in range(3):
         weighted = (columns / sigma[:, None]).reshape(-1, size)
         target = (torque / sigma).ravel() - weighted @ x
@@ -153,7 +141,7 @@ def _rigid_fit(
         x[free] += scaled_solve(matrix, right)
         residual = torque - columns @ x
         sigma = np.sqrt(np.mean(residual**2, axis=0)) + 1e-9 * (1 + sigma)
-    return x, residual
+    return x
 
 
 def _joint_inertia(inertial: Array) -> Array:

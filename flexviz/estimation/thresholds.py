@@ -21,13 +21,12 @@ class EstimationThresholds:
         consistent: mean χ² per sample up to which measurement noise alone explains the residual; above it a
             white model error is added.
         first_model_error: initial standard deviation of the model error, relative to the rms torque.
-        model_error_settled: χ² per sample and joint below which the model error is large enough.
         noise_explains: mean χ² per sample below which the covariance of the score is computed from the noise
             model; above it from the residual's own spectra.
         transient: energy of a window at the ends of a record, relative to the median, that marks a transient.
         negligible_step: step length that ends the refinement [standard deviations].
         noise_moved: change of the noise shape (logs of its variances) after which the whiteners are renewed.
-        noise_moved_far: the same while the residual is far above the noise, where weights matter less.
+        noise_moved_far: the same far above the noise, or with a model error, where weights matter less.
         far_above_noise: mean χ² per sample from which a fit counts as far above the noise; nearer, an uphill
             step may well lead to the solution.
         effect_moved: relative change of an effect after which its reversals are located again.
@@ -44,7 +43,6 @@ class EstimationThresholds:
 
     consistent: float = 2.0
     first_model_error: float = 3e-4
-    model_error_settled: float = 1.5
     noise_explains: float = 1.2
     transient: float = 5.0
     negligible_step: float = 0.02

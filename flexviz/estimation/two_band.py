@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from flexviz.equation import (
     time_constants,
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, NoiseModel, WeightingSettings
+from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import NoisePath, instrument_paths, noise_paths
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.unknown_input import UnknownInput
@@ -121,11 +120,12 @@ class TwoBandData:
         self.noise_model = settings.noise_model(layout.n)
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
-        twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
-        self._make_products = partial(FilteredProducts, measurements, groups, wide_signals, twice, edge / 2)
-        # of slower recordings, the wider filter would cut what the wide one still lets pass
-        self._fast_enough = twice.bandwidth >= PASSED * wide.cutoff(0)
-        self._products = self._make_products() if settings.products and self._fast_enough else None
+        self._products = None
+        if settings.products:
+            twice = FlatZeroPhase(2 * np.pi * min(2 * wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw)))
+            # of slower recordings, the wider filter would cut what the wide one still lets pass
+            if twice.bandwidth >= PASSED * wide.cutoff(0):
+                self._products = FilteredProducts(measurements, groups, wide_signals, twice, edge / 2)
         self._set(layout)
 
     def _set(self, layout: Layout) -> None:
@@ -145,23 +145,17 @@ class TwoBandData:
         """Whether products of signals are formed before they are filtered."""
         return self._products is not None
 
-    def with_products(self) -> TwoBandData:
-        """The same data with products formed before they are filtered, if the recordings are fast enough."""
-        other = copy(self)
-        other._products = self._make_products() if self._fast_enough else None
-        return other
-
     def with_model_error(self, variance: Array) -> TwoBandData:
         """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
-        return self._with_noise_model(self.noise_model.with_model_error(variance))
+        return self._with_noise_model(model_error=variance)
 
     def with_unknown_input(self, unknown: UnknownInput) -> TwoBandData:
         """The same data beside an arbitrary torque."""
-        return self._with_noise_model(replace(self.noise_model, unknown_input=unknown))
+        return self._with_noise_model(unknown_input=unknown)
 
-    def _with_noise_model(self, model: NoiseModel) -> TwoBandData:
+    def _with_noise_model(self, **changes: Any) -> TwoBandData:
         other = copy(self)
-        other.noise_model = model
+        other.noise_model = replace(self.noise_model, **changes)
         return other
 
     def evaluate(
@@ -225,14 +219,12 @@ class TwoBandData:
         """
         out: list[list[Whitener]] = []
         for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
-            parts = [
-                _own_covariance(path.matrices[:, block.rows], kernel, path.variance(self.noise))
-                for path, kernel in zip(paths, kernels, strict=True)
-            ]
-            cov = np.sum(parts, axis=0)
-            cov[0] *= 1 + 1e-9
-            joints = range(self.layout.n)
-            out.append([whitener(cov[:, :, j, None, None], self.noise_model.every) for j in joints])
+            out.append([])
+            for j in range(self.layout.n):
+                own = [replace(path, matrices=path.matrices[:, :, j : j + 1]) for path in paths]
+                cov = paths_covariance(own, kernels, self.noise, block.rows)
+                cov[0] *= 1 + 1e-9
+                out[-1].append(whitener(cov, self.noise_model.every))
         return out
 
     def _kernels(self, paths: Sequence[NoisePath]) -> list[list[Array]]:
@@ -259,24 +251,12 @@ class TwoBandData:
                 mean[parameters] += variance * shared
         return out
 
-    def noise_level(self, x: Array, link: LinkTerms) -> Array:
-        """Mean noise variance of the residual, from a few samples, shape (n,) [Nm²]."""
-        few = slice(None, None, max(1, self.wide.signals.count // NOISE_SAMPLES))
-        part = link.rows(few)
-        raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
-        variance = np.zeros(self.layout.n)
-        for path in noise_paths(self.layout, x, part):
-            kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, path.derivatives, 0)[0]
-            variance += np.einsum(
-                "dtim,de,etim,m->i", path.matrices, kernel, path.matrices, path.variance(self.noise)
-            )
-        return variance / len(part.mass) + self.noise_model.model_error
-
     def noise_shape(self, x: Array, link: LinkTerms) -> Array:
         """Quantities that determine the whiteners, shape (2n,): logs of variances, scaled time constants."""
         band = float(np.max(self.wide.signals.observer.bandwidth))
-        level = np.log(self.noise_level(x, link))
-        return np.concatenate((level, band * time_constants(self.layout, x)))
+        level = residual_noise(self.wide.signals, self.layout, x, link, self.noise, samples=NOISE_SAMPLES)
+        level += self.noise_model.model_error
+        return np.concatenate((np.log(level), band * time_constants(self.layout, x)))
 
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
         """One weighting per block: the whitener and the nuisance pulses at reversals."""
@@ -324,27 +304,32 @@ def _wide_columns(layout: Layout) -> NDArray[np.intp]:
     return np.array(sorted(columns), np.intp)
 
 
-def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
-    """Autocovariance Cov(r_jt, r_j,t−k) of each joint due to one noise source, shape (p + 1, N, n)."""
-    count = sensitivity.shape[1]
-    out = np.zeros((len(kernel), *sensitivity.shape[1:3]))
-    weighted = sensitivity * variance
-    for k, rho in enumerate(kernel[:count]):
-        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))
-        out[k, k:] = np.einsum("dtim,dtim->ti", weighted[:, k:], earlier)
-    return out
-
-
 def residual_noise(
-    signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
+    signals: Signals,
+    layout: Layout,
+    x: Array,
+    link: LinkTerms,
+    noise: tuple[Array, Array],
+    samples: float = np.inf,
 ) -> Array:
-    """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²]."""
-    total = np.zeros(layout.n)
-    for whole in noise_paths(layout, x, link):
-        for path, observer in whole.by_bandwidth(signals.observer):
-            for block in signals.blocks:
-                raw = block.segment.step
-                kernel = noise_kernel(observer, raw, raw, path.derivatives, 0)
-                cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
-                total += np.einsum("tii->i", cov[0])
-    return total / signals.count
+    """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²].
+
+    Args:
+        signals: whose observer the noise passes.
+        layout, x: the model and its parameters, shape (P,).
+        link: rigid-body terms at all samples.
+        noise: standard deviations of θ and τ per raw sample, shape (n,) each.
+        samples: from about how many poses it is computed.
+    """
+    every = max(1, int(signals.count / samples))
+    total, count = np.zeros(layout.n), 0
+    for block in signals.blocks:
+        rows, raw = slice(-(-block.rows.start // every) * every, block.rows.stop, every), block.segment.step
+        count += len(range(rows.start, rows.stop, every))
+        for whole in noise_paths(layout, x, link.rows(rows)):
+            for path, observer in whole.by_bandwidth(signals.observer):
+                # lag 0: the step of the equation's samples does not matter
+                kernel = noise_kernel(observer, raw, raw, path.derivatives, 0)[0]
+                weighted = path.matrices * path.variance(noise)
+                total += np.einsum("dtim,dtim->i", weighted, np.tensordot(kernel, path.matrices, axes=1))
+    return total / max(count, 1)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import LinkTerms, OperatingPoint
-from flexviz.estimation.covariance import score_covariance
+from flexviz.estimation.covariance import Covariance, sandwich, spectral_covariance
 from flexviz.estimation.descent import NormalEquations
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
@@ -23,6 +23,7 @@ from flexviz.recent import Recent
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+FALLING = 0.3  # least factor beyond χ² by which a model error that is too large falls in one step
 INSTRUMENTS = partial(Recent, "instruments", 2, attrgetter("nbytes"), 2e8)  # of long records one point's
 
 
@@ -40,6 +41,7 @@ class Point:
         narrow_point: operating point of the narrow band.
         wide_point: that of the wide band; None unless instruments need it.
         bias: mean of zᵀ r per sample due to shared noise, shape (P,), one per block.
+        noise_at: noise shape for which the whiteners were computed (`TwoBandData.noise_shape`).
         transients: Σ N log max(χ_j, 1) of the unused samples, each window with its own χ_j.
     """
 
@@ -52,6 +54,7 @@ class Point:
     narrow_point: OperatingPoint
     wide_point: OperatingPoint | None
     bias: list[Array]
+    noise_at: Array
     transients: float = 0.0
     _instruments: Recent[Array] = field(default_factory=INSTRUMENTS, init=False)
     _link: Recent[LinkTerms] = field(default_factory=partial(Recent, "link", 4), init=False)
@@ -88,6 +91,11 @@ class Point:
         return [w.whitener for w in self.weightings]
 
     @property
+    def model_error(self) -> Array:
+        """Variance of the model error that was added to the noise, shape (n,) [Nm²]."""
+        return self.two_band.noise_model.model_error
+
+    @property
     def rows(self) -> list[slice]:
         """Samples of each block."""
         return [b.rows for b in self.two_band.blocks]
@@ -103,25 +111,13 @@ class Point:
 
         With that of the transients, which another model may not have.
         """
-        return float(self.objective_by_joint.sum()) + self.transients
-
-    @property
-    def objective_by_joint(self) -> Array:
-        """N log max(χ_j, 1) of each joint, shape (n,)."""
-        return float(np.count_nonzero(self.used)) * np.log(np.maximum(self.chi, 1.0))
+        count = np.count_nonzero(self.used)
+        return count * float(np.log(np.maximum(self.chi, 1.0)).sum()) + self.transients
 
     @property
     def objective(self) -> float:
         """`noise_objective` plus the cost of nuisance pulses."""
         return self.noise_objective + sum(m.log_determinant for m in self.weightings)
-
-    def objective_after(self, decrease: float) -> float:
-        """Lower limit of the objective after a decrease of Σ r², which no joint shares with the others.
-
-        Transients may be gone.
-        """
-        count = max(np.count_nonzero(self.used), 1)
-        return count * float(np.log(np.maximum(self.chi - decrease / count, 1.0)).sum())
 
     def within(self, window: Bools) -> Point:
         """The point restricted to the samples of a window, shape (N,)."""
@@ -149,13 +145,12 @@ class Point:
         Reduced for joints whose residual is below the estimated noise (torque chatter, for example, is not
         noise).
         """
-        layout = self.two_band.layout
-        chi = np.sum(self.r[self.used] ** 2, axis=0) / max(np.count_nonzero(self.used), 1)
+        layout, below = self.two_band.layout, np.minimum(self.chi, 1.0)
         share = np.zeros(layout.size)
-        share[layout.compliance] = np.minimum(chi, 1.0)
+        share[layout.compliance] = below
         for effect, where in layout.effect_slices():
             if effect.joint is not None:
-                share[where] = min(chi[effect.joint], 1.0)
+                share[where] = below[effect.joint]
         return [share * mean for mean in self.bias]
 
     def normal_equations(self, prior: Prior) -> NormalEquations:
@@ -164,18 +159,22 @@ class Point:
         flat = self.z.reshape(-1, len(self.x))
         return NormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
 
-    def score_covariance(self) -> Array:
-        """Covariance of the score from the residual's own spectra, shape (P, P)."""
-        return score_covariance(self.r, self.z, self.rows)
-
-    def noise_score_covariance(self) -> Array:
-        """Covariance of the score from the noise model, scaled up to the size of the residual."""
-        two_band, raised = self.two_band, max(float(np.mean(self.chi)), 1.0)
-        return two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
+    def covariance(self, prior: Prior, from_noise: bool = False, at_bound: Bools | None = None) -> Covariance:
+        """Of the parameters: from the residual's spectra, or from the noise, scaled up to the residual."""
+        hessian = prior.gradient_and_hessian(self.x)[1]
+        if not from_noise:
+            return spectral_covariance(self.r, self.z, self.rows, hessian, at_bound)
+        raised, flat = max(float(np.mean(self.chi)), 1.0), self.z.reshape(-1, len(self.x))
+        score = self.two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
+        return sandwich(flat.T @ flat, score, hessian, at_bound)
 
 
 def weighted_point(
-    two_band: TwoBandData, evaluation: BandEvaluation, weightings: list[NoiseWeighting], bias: list[Array]
+    two_band: TwoBandData,
+    evaluation: BandEvaluation,
+    weightings: list[NoiseWeighting],
+    bias: list[Array],
+    noise_at: Array,
 ) -> Point:
     """An evaluation in units of the noise; its Jacobian is used up."""
     pairs = list(zip(weightings, two_band.blocks, strict=True))
@@ -186,7 +185,7 @@ def weighted_point(
     narrow, jacobian = evaluation.narrow_point, evaluation.jacobian
     wide = evaluation.wide_point if two_band.wide_columns.size else None
     x, torque = evaluation.x, evaluation.torque
-    point = Point(two_band, x, r, used, weightings, torque, narrow, wide, bias, transients)
+    point = Point(two_band, x, r, used, weightings, torque, narrow, wide, bias, noise_at, transients)
     point._link.get(lambda: evaluation.link)
     if jacobian is not None:
         point._instruments.get(lambda: point._weighted(jacobian))
@@ -194,11 +193,14 @@ def weighted_point(
 
 
 class Whitening:
-    """Weighted points along a fit, whitened once; subclasses renew the weighting as the fit proceeds.
+    """Weighted points along a fit, whitened anew where the noise or the reversals of an effect have changed.
 
     Args:
         two_band: the data and the model.
-        after: evaluation of an earlier fit.
+        near: a point of the same data, whose whiteners can be reused.
+        judging: only the residual is needed, neither instruments nor their bias.
+        adapted: a white model error follows the residual from point to point, once the noise does not explain
+            it: the noise alone would give misleading weights.
         own_error: shape (N, n), error of the band, subtracted from the residual [Nm].
         window: shape (N,), samples to use; default: all.
     """
@@ -206,110 +208,61 @@ class Whitening:
     def __init__(
         self,
         two_band: TwoBandData,
+        near: Point | None = None,
         *,
-        after: BandEvaluation | None = None,
+        judging: bool = False,
+        adapted: bool = False,
         own_error: Array | float = 0.0,
         window: Bools | None = None,
     ) -> None:
-        self.two_band, self.evaluation = two_band, after
+        self.two_band, self._judging, self._adapted = two_band, judging, adapted
         self._own_error, self._window = own_error, window
-        self._with_instruments = True
-        self._whiteners: list[Whitener] | None = None
+        self._whiteners = None if near is None else near.whiteners
+        self._noise_at = np.zeros(0) if near is None else near.noise_at
+        self._effects_at, self._far = np.zeros(0), False
+        self._error_at, self._least_error = two_band.noise_model.model_error, np.zeros(two_band.layout.n)
         self._weightings: list[NoiseWeighting] | None = None
         self._bias: list[Array] | None = None
+        self._before: BandEvaluation | None = None
 
     def point(self, x: Array) -> Point:
         """Residual and instruments at x, shape (P,)."""
-        here = self.two_band.evaluate(x, self.evaluation, self._with_instruments)
-        self.evaluation = replace(here, jacobian=None)
+        point = self._point(x)
+        before, self._far = self._far, float(point.chi.mean()) > ESTIMATION.far_above_noise
+        if before and not self._far:
+            self._bias = None  # was left out
+            point = self._point(x)
+        chi, error = point.chi, self._error_at
+        if self._adapted and (error.any() or float(chi.mean()) > ESTIMATION.consistent):
+            self._least_error = ESTIMATION.first_model_error**2 * np.mean(point.torque**2, axis=0)
+            error = np.where(error > 0, error, self._least_error) * chi * np.clip(chi, FALLING, 1.0)
+            self.two_band = self.two_band.with_model_error(error)
+        return point
+
+    def _point(self, x: Array) -> Point:
+        two_band = self.two_band
+        here = two_band.evaluate(x, self._before, not self._judging)
+        self._before = replace(here, jacobian=None)
         self._renew(here)
-        link = here.link
         if self._whiteners is None:
-            self._whiteners = self.two_band.whiteners(x, link)
+            self._whiteners = two_band.whiteners(x, here.link)
             self._weightings = self._bias = None
         if self._bias is None:
-            self._bias = self._instrument_bias(x, here)
+            self._bias = self._instrument_bias(here, self._whiteners)
         if self._weightings is None:
-            self._weightings = self.two_band.weightings(here, self._whiteners)
+            self._weightings = two_band.weightings(here, self._whiteners)
         if not isinstance(self._own_error, float):
             here = replace(here, residual=here.residual - self._own_error)
-        point = weighted_point(self.two_band, here, self._weightings, self._bias)
+        point = weighted_point(two_band, here, self._weightings, self._bias, self._noise_at)
         return point if self._window is None else point.within(self._window)
 
     def _renew(self, here: BandEvaluation) -> None:
         """Discard the parts of the weighting that are outdated at this evaluation."""
-
-    def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
-        assert self._whiteners is not None
-        return self.two_band.instrument_bias(x, here.link, self._whiteners)
-
-
-class EarlyWhitening(Whitening):
-    """Whitening renewed at each of the first steps, while the parameters still change considerably."""
-
-    STEPS = 2
-
-    def __init__(self, two_band: TwoBandData, after: BandEvaluation | None = None) -> None:
-        super().__init__(two_band, after=after)
-        self._count = 0
-
-    def _renew(self, here: BandEvaluation) -> None:
-        if self._count < self.STEPS:
-            self._whiteners = None
-        self._weightings = self._bias = None
-        self._count += 1
-
-
-class ModelErrorWhitening(Whitening):
-    """Whitening with a model error that follows the residual from point to point.
-
-    The model error is added if the measurement noise does not explain the residual.
-    """
-
-    def point(self, x: Array) -> Point:
-        point = super().point(x)
-        error, chi = self.two_band.noise_model.model_error, point.chi
-        if error.any() or float(chi.mean()) > ESTIMATION.consistent:
-            error = error if error.any() else first_model_error(point.torque)
-            self.two_band = self.two_band.with_model_error(error * np.maximum(chi, 0.5))
-            self._whiteners = None
-        return point
-
-
-class TrackingWhitening(Whitening):
-    """Whitening renewed only when the noise shape or the reversals of an effect have changed.
-
-    Args:
-        two_band: the data and the model.
-        near: whiteners of a nearby point and the noise shape for which they were computed.
-        judging: only the residual is needed, neither instruments nor their bias.
-    """
-
-    def __init__(
-        self,
-        two_band: TwoBandData,
-        near: tuple[list[Whitener], Array] | None = None,
-        judging: bool = False,
-    ) -> None:
-        super().__init__(two_band)
-        self._with_instruments, self._effects_at = not judging, np.zeros(0)
-        self.noise_at, self._far = np.zeros(0), False
-        if near is not None:
-            self._whiteners, self.noise_at = near
-
-    def point(self, x: Array) -> Point:
-        point = super().point(x)
-        before, self._far = self._far, float(point.chi.mean()) > ESTIMATION.far_above_noise
-        if before and not self._far:
-            self._bias = None  # was left out
-            point = super().point(x)
-        return point
-
-    def _renew(self, here: BandEvaluation) -> None:
-        noise = self.two_band.noise_shape(here.x, here.link)
-        enough = ESTIMATION.noise_moved_far if self._far else ESTIMATION.noise_moved
-        if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > enough:
-            self._whiteners, self.noise_at = None, noise
+        error, noise = self.two_band.noise_model.model_error, self.two_band.noise_shape(here.x, here.link)
+        enough = ESTIMATION.noise_moved_far if self._far or error.any() else ESTIMATION.noise_moved
+        moved = len(self._noise_at) == 0 or float(np.max(np.abs(noise - self._noise_at))) > enough
+        if moved or np.any(np.abs(error - self._error_at) > enough * self._error_at + self._least_error):
+            self._whiteners, self._noise_at, self._error_at = None, noise, error
         effects = here.x[self.two_band.layout.effect_start :]
         if self._weightings is not None and effects.size:
             scale = np.abs(effects) + np.abs(self._effects_at) + 1e-300
@@ -318,14 +271,9 @@ class TrackingWhitening(Whitening):
         if self._whiteners is None or self._weightings is None:
             self._effects_at = effects.copy()
 
-    def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
-        if not self._with_instruments:
+    def _instrument_bias(self, here: BandEvaluation, whiteners: list[Whitener]) -> list[Array]:
+        if self._judging:
             return []
         if self._far:  # what the sensors' noise shares is nothing beside what the model leaves
-            return [np.zeros(len(x)) for _ in self.two_band.blocks]
-        return super()._instrument_bias(x, here)
-
-
-def first_model_error(torque: Array) -> Array:
-    """Initial variance of the model error, shape (n,) [Nm²], from torques (N, n)."""
-    return ESTIMATION.first_model_error**2 * np.mean(torque**2, axis=0)
+            return [np.zeros(len(here.x)) for _ in self.two_band.blocks]
+        return self.two_band.instrument_bias(here.x, here.link, whiteners)

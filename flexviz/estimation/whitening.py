@@ -107,28 +107,17 @@ def _chunks(count: int) -> list[tuple[int, int]]:
     return [(first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
 
 
-@lru_cache(maxsize=256)  # without dampers, they are the same for all models fitted to the same signals
 def noise_kernel(
     observer: Observer, joint_step: float, raw_step: float, derivatives: NoiseDerivatives, lags: int
 ) -> Array:
-    """Covariance of the derivatives of filtered white noise of unit variance per raw sample.
+    """Covariance E[x_j(t) x_k(t − lag)] of D derivatives of filtered white noise, shape (lags + 1, D, D).
 
-    Args:
-        observer: whose transfer functions the noise passes.
-        joint_step: step of the equation's samples [s].
-        raw_step: step of the raw samples [s].
-        derivatives: D of them.
-        lags: 0 … lags.
-
-    Returns:
-        shape (lags + 1, D, D), not to be changed: E[x_j(t) x_k(t − lag)], x_k the k-th derivative.
+    Arguments as of `shared_kernel`.
     """
-    length = _length(observer, joint_step, lags)
-    gain = derivatives.gains(observer.transfer, _frequencies(length, joint_step))
-    return _correlation(gain, gain, length, raw_step / joint_step, lags)[lags:]
+    return shared_kernel((observer,) * 2, joint_step, raw_step, (derivatives,) * 2, lags)[lags:]
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=256)  # without dampers, they are the same for all models fitted to the same signals
 def shared_kernel(
     observers: tuple[Observer, Observer],
     joint_step: float,
@@ -148,39 +137,21 @@ def shared_kernel(
     Returns:
         shape (2·lags + 1, D, E), not to be changed: E[x_j(t) y_k(t − lag)].
     """
-    length = max(_length(observer, joint_step, lags) for observer in observers)
-    omega = _frequencies(length, joint_step)
-    one, other = (d.gains(o.transfer, omega) for d, o in zip(derivatives, observers, strict=True))
-    return _correlation(one, other, length, raw_step / joint_step, lags)
-
-
-def _length(observer: Observer, joint_step: float, lags: int) -> int:
-    """Length of a spectrum that resolves the band and contains the lags."""
-    slowest = float(np.min(observer.bandwidth)) * joint_step
-    return 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
-
-
-def _frequencies(length: int, step: float) -> Array:
-    """Frequencies of a transform of an even number of samples [rad/s]."""
-    return np.linspace(0.0, np.pi / step, length // 2 + 1)
-
-
-def _correlation(
-    one: Sequence[NDArray[np.inexact]],
-    other: Sequence[NDArray[np.inexact]],
-    length: int,
-    share: float,
-    lags: int,
-) -> Array:
-    """Covariance at lags −lags … lags from the product of every two gains, shape (2·lags + 1, D, E)."""
+    # a spectrum that resolves the band and contains the lags
+    slowest = min(float(np.min(observer.bandwidth)) for observer in observers) * joint_step
+    length = 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
+    omega = np.linspace(0.0, np.pi / joint_step, length // 2 + 1)
+    same = observers[0] is observers[1] and derivatives[0] is derivatives[1]
+    one = derivatives[0].gains(observers[0].transfer, omega)
+    other = one if same else derivatives[1].gains(observers[1].transfer, omega)
     out = np.empty((2 * lags + 1, len(one), len(other)))
     kept = np.arange(-lags, lags + 1)
     for j, gain in enumerate(one):
         for k, with_it in enumerate(other):
-            if one is other and k < j:  # E[x_j(t) x_k(t − lag)] = E[x_k(t) x_j(t + lag)]
+            if same and k < j:  # E[x_j(t) x_k(t − lag)] = E[x_k(t) x_j(t + lag)]
                 out[:, j, k] = out[::-1, k, j]
                 continue
-            density = gain * np.conj(with_it) * share
+            density = gain * np.conj(with_it) * (raw_step / joint_step)
             density[-1] = density[-1].real
             out[:, j, k] = np.fft.irfft(density, length)[kept]
     out.flags.writeable = False  # kept

@@ -34,8 +34,7 @@ class Unrest:
 
 def unrest_of(solution: Solution, start: Start, layout: Layout) -> Unrest:
     """The remaining step of a fit: its squared length in standard deviations, parameter by parameter."""
-    now = solution.evaluation, solution.weights, start.prior, solution.x
-    normal = normal_equations(*now)
+    normal = normal_equations(solution, start.prior)
     step, _ = bounded_step(normal.gradient, normal.hessian, solution.x, start.bounds)
     parts = np.maximum(step * (normal.hessian @ step), 0.0)
     names = [joint for _, joint, _ in layout.names()]

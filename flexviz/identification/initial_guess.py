@@ -35,16 +35,15 @@ def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
     x, evaluation = solution.x, solution.evaluation
     # a new equation, whose wide-band signals suit x rather than the start
     point = Equation(measurements.robot, equation.signals, simple).at(x)
-    weights = solution.weights[:, :, None]
-    instruments = (evaluation.jacobian * weights).reshape(-1, simple.size)
+    weights, (residual, jacobian) = solution.weights[:, :, None], solution.whitened
+    instruments = jacobian.reshape(-1, simple.size)
     hessian = instruments.T @ instruments + start.prior.gradient_and_hessian(x)[1]
 
     def weigh(columns: Array, block: int) -> Array:
         return (columns * weights[point.signals.blocks[block].rows]).reshape(-1, columns.shape[2])
 
     wanted = [e for e in layout.effects if not EFFECTS[e.effect].linear]
-    residual = (evaluation.residual * solution.weights).ravel()
-    projection = Projection(residual, instruments, hessian)
+    projection = Projection(residual.ravel(), instruments, hessian)
     chain = Chain(x[simple.compliance], x[simple.link_viscous], evaluation.link)
     found = {s.effect: s.values for s in score(point, chain, wanted, weigh, projection)}
     for effect in wanted:

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import (
+    ESTIMATION,
     Covariance,
-    Refined,
     Stopped,
     TwoBandData,
     base_parameters,
@@ -162,22 +162,25 @@ def _refined_outcome(
     try:
         report.check()
         two_band = TwoBandData(measurements, groups, report.layout)
-        found: Refined = refine_fit(two_band, start.prior, start.bounds, outcome.x, report=report)
+        found = refine_fit(two_band, start.prior, start.bounds, outcome.x, report=report)
     except Stopped:
         return outcome
     message = "the instrumental-variables refinement did not converge; the values are where it stopped"
+    x, chi, model_error = found.place.x, found.place.chi, found.place.model_error
+    chi_square = float(np.mean(chi))
     if found.converged:
-        chi = found.chi_square
-        message = f"refined; whitened residual {chi:.3g} per sample (1 = measurement noise alone)"
-        if found.model_error.any():
-            added = ", ".join(f"{value:.2g}" for value in found.model_error)
+        message = f"refined; whitened residual {chi_square:.3g} per sample (1 = measurement noise alone)"
+        if model_error.any():
+            added = ", ".join(f"{value:.2g}" for value in np.sqrt(model_error))
             message = (
                 f"refined; the model errs more than the sensors, a model error ({added} Nm) was allowed for"
             )
-    evaluation = plain.equation.at(found.x, plain.solution.point).evaluate(found.x)
+    evaluation = plain.equation.at(x, plain.solution.point).evaluate(x)
     converged = outcome.converged and found.converged
-    unrest = outcome.unrest if found.converged else unrest_by_residual(found.chi)
-    return _Outcome(found.x, evaluation, found.covariance, found.at_bound, converged, message, True, unrest)
+    unrest = outcome.unrest if found.converged else unrest_by_residual(chi)
+    from_noise = chi_square < ESTIMATION.noise_explains
+    covariance = found.place.covariance(start.prior, from_noise, found.at_bound)
+    return _Outcome(x, evaluation, covariance, found.at_bound, converged, message, True, unrest)
 
 
 def _result(

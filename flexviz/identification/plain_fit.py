@@ -17,8 +17,7 @@ from flexviz.estimation import (
     Start,
     Stopped,
     gauss_newton,
-    sandwich,
-    score_covariance,
+    spectral_covariance,
     start_values,
 )
 from flexviz.identification.initial_guess import needs_search, searched_start
@@ -92,21 +91,13 @@ class PlainFit:
         """Log of the residual's mean square, summed over the joints."""
         return float(np.log(np.mean(self.solution.evaluation.residual**2, axis=0) + 1e-300).sum())
 
-    def weighted_jacobian(self) -> Array:
-        """Shape (N, n, P)."""
-        return self.solution.evaluation.jacobian * self.solution.weights[:, :, None]
-
     def covariance(self) -> Covariance:
         """From the residual's own spectra."""
-        solution, jacobian = self.solution, self.weighted_jacobian()
-        residual = solution.evaluation.residual * solution.weights
+        solution = self.solution
+        residual, jacobian = solution.whitened
         rows = [b.rows for b in self.equation.signals.blocks]
-        free = ~solution.at_bound
-        score = np.zeros((len(free), len(free)))
-        score[np.ix_(free, free)] = score_covariance(residual, jacobian[:, :, free], rows)
-        flat = jacobian.reshape(-1, jacobian.shape[2])
         prior = self.start.prior.gradient_and_hessian(solution.x)[1]
-        return sandwich(flat.T @ flat, score, prior, solution.at_bound)
+        return spectral_covariance(residual, jacobian, rows, prior, solution.at_bound)
 
 
 def plain_fit(

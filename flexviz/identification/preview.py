@@ -10,18 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, OperatingPoint, build_signals, layout_of
-from flexviz.estimation import noise_density, noise_paths
+from flexviz.estimation import residual_noise
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
-from flexviz.observers import ButterworthZeroPhase, Observer
+from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
 
-SEEN = 2 * np.pi * 8.0  # [rad/s] band of the motion along which noise reaches the residual
 FLOOR_SAMPLES = 100  # of the pose, for the noise floor
-FLOOR_FREQUENCIES = 300
-LOWEST_FREQUENCY = 0.02  # of them, relative to the bandwidth
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +56,6 @@ class ResidualPreview:
         self._x = self._layout.vector(model)
         self._fine: dict[object, Any] = {}  # wide-band signals, which depend on no observer
         self._point: OperatingPoint | None = None  # of the last evaluation
-        equation = self._equation(ButterworthZeroPhase(SEEN))
-        link = equation.at(self._x).link_terms(self._x)
-        every = slice(None, None, max(1, equation.signals.count // FLOOR_SAMPLES))
-        paths = noise_paths(self._layout, self._x, link)
-        self._paths = [path.rows(every) for path in paths]
         self._noise = segments_noise(list(group.segments))
 
     def _equation(self, observer: Observer) -> Equation:
@@ -81,19 +73,10 @@ class ResidualPreview:
             point.context.take_motions(self._point.context)
         self._point = point
         residual = point.residual(self._x)
-        rms = np.sqrt(np.mean(residual**2, axis=0))
-        return ObservedResidual(equation.signals.time, residual, rms, self.noise_floor(observer))
-
-    def noise_floor(self, observer: Observer) -> Array:
-        """The rms residual due to measurement noise alone, shape (n,) [Nm]."""
-        step = self._group.segments[0].step
-        power = np.zeros(self._layout.n)
-        for path, one in (part for whole in self._paths for part in whole.by_bandwidth(observer)):
-            first = LOWEST_FREQUENCY * one.bandwidth_of(1)[0] / (2 * np.pi)
-            hertz = np.r_[0.0, np.geomspace(first, 0.5 / step, FLOOR_FREQUENCIES)]
-            density = noise_density([path], self._noise, one.transfer, step, hertz)
-            power += np.trapezoid(density, hertz, axis=0)
-        return np.sqrt(power)
+        rms, link = np.sqrt(np.mean(residual**2, axis=0)), point.link_terms(self._x)
+        signals = equation.signals
+        floor = residual_noise(signals, self._layout, self._x, link, self._noise, samples=FLOOR_SAMPLES)
+        return ObservedResidual(signals.time, residual, rms, np.sqrt(floor))
 
 
 def _is_fine(key: object) -> bool:

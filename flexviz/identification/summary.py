@@ -137,9 +137,9 @@ def combinations(
     out = []
     for i, column in enumerate(base.columns):
         row = base.matrix[i]
-        scale = max(abs(values[i]), float(np.sqrt(np.sum((row * spread) ** 2))))
-        # the share of the prior: how far the data have narrowed what was plausible before
         before = float(np.sqrt(np.sum((row * spread) ** 2)))
+        scale = max(abs(values[i]), before)
+        # the share of the prior: how far the data have narrowed what was plausible before
         share = min(1.0, (deviation[i] / before) ** 2)
         out.append(
             Combination(

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError
-from flexviz.estimation import Bounds, bounded_minimum
+from flexviz.estimation import Bounds, bounded_step
 from flexviz.importing.cross_checks import followed, joint_parts
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, GroupTable, SampledMotion, likely_limits, sample_motion
@@ -188,7 +188,7 @@ def fit_joint(
     projected = q.T @ target
     lower = np.array([slopes[0], *(0.0 for _ in scale[1:])]) * scale
     upper = np.array([slopes[1], LIMITS.motor_inertia * inertia, *(np.inf for _ in scale[2:])]) * scale
-    x = lower + bounded_minimum(r.T @ (r @ lower - projected), r.T @ r, lower, Bounds(lower, upper))[0]
+    x = lower + bounded_step(r.T @ (r @ lower - projected), r.T @ r, lower, Bounds(lower, upper))[0]
     unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
     return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
 

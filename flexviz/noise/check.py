@@ -75,10 +75,9 @@ class _Pooled:
         groups, parts: the groups.
         robot: theirs.
         spread: of the torque [Nm].
-        torque_noise, torque_sudden: as in `GroupNoise` [Nm].
-        following: torque that it takes to follow the noise of θ [Nm], of the links' inertia alone.
-        following_sudden: the same of all that changes from sample to sample.
-        moving: torque that it takes to follow the motion without that.
+        size: of the torque [Nm]; of a joint that gravity or its neighbours move, what its motion takes.
+        noise: of the torque, and the torque that it takes to follow that of θ, of the links alone [Nm].
+        following_sudden: torque that it takes to follow all that changes from sample to sample [Nm].
         noise_only: whether a torque is nothing but noise or spikes.
     """
 
@@ -86,11 +85,9 @@ class _Pooled:
     parts: Sequence[GroupNoise]
     robot: Robot
     spread: Array
-    torque_noise: Array
-    torque_sudden: Array
-    following: Array
+    size: Array
+    noise: Array
     following_sudden: Array
-    moving: Array
     noise_only: NDArray[np.bool_]
 
     @staticmethod
@@ -105,23 +102,19 @@ class _Pooled:
         sudden = mean([one.torque_sudden for one in parts])
         sudden_acceleration = mean([one.acceleration_sudden for one in parts])
         accelerations = np.concatenate([np.zeros((1, robot.n)), *(one.acceleration for one in parts)])
-        motion = np.mean(accelerations**2, axis=0) - sudden_acceleration**2
+        motion = np.maximum(np.mean(accelerations**2, axis=0) - sudden_acceleration**2, 0.0)
+        following = inertia * mean([one.acceleration_noise for one in parts])
         return _Pooled(
-            groups=groups,
-            parts=parts,
-            robot=robot,
-            spread=spread,
-            torque_noise=mean([one.torque_noise for one in parts]),
-            torque_sudden=sudden,
-            following=inertia * mean([one.acceleration_noise for one in parts]),
+            groups, parts, robot, spread,
+            size=np.maximum(spread, inertia * np.sqrt(motion)),
+            noise=np.hypot(mean([one.torque_noise for one in parts]), following),
             following_sudden=inertia * sudden_acceleration,
-            moving=inertia * np.sqrt(np.maximum(motion, 0.0)),
             noise_only=(sudden > 0) & (sudden**2 >= THRESHOLDS.noise_only * spread**2),
-        )
+        )  # fmt: skip
 
     def refuse_positions(self) -> None:
         """InputError for a position whose noise would take more torque to follow than the joint has."""
-        most = np.maximum(self.size(), THRESHOLDS.least_torque * self.spread.max())
+        most = np.maximum(self.size, THRESHOLDS.least_torque * self.spread.max())
         for j in np.flatnonzero(self.following_sudden > THRESHOLDS.noise_torque * most):
             worst = int(np.argmax([one.acceleration_sudden[j] for one in self.parts]))
             unit = "N" if self.robot.prismatic[j] else "Nm"
@@ -145,13 +138,9 @@ class _Pooled:
                 place=f"columns {', '.join(f'tau_{joint}' for joint in self.robot.joints)}",
             )
 
-    def size(self) -> Array:
-        """Of each joint's torque [Nm]; of one that gravity or its neighbours move, what its motion takes."""
-        return np.maximum(self.spread, self.moving)
-
     def shares(self) -> Array:
         """Of the noise in each torque, at most 1; none in a constant one."""
-        share = np.hypot(self.torque_noise, self.following) / np.maximum(self.size(), 1e-300)
+        share = self.noise / np.maximum(self.size, 1e-300)
         return np.where(self.noise_only, 1.0, np.where(self.spread > 0, np.minimum(share, 1.0), 0.0))
 
 
