@@ -8,9 +8,9 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import stages
+from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, curve_finding, effect_values, made_step
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand

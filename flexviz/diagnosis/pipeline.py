@@ -15,9 +15,9 @@ from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
+from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, findings, staircase, steps
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.model_family import without_curves
 from flexviz.diagnosis.notes import notes, standstill_text
 from flexviz.diagnosis.prediction_errors import Known
