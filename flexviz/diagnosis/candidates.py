@@ -1,4 +1,4 @@
-"""Candidate effects, and start values of models with one effect more or fewer."""
+"""Candidate effects, models with one effect more or fewer, and whether values could be real."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.diagnosis.fit_context import Fit, Judged
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 from flexviz.equation import Layout
 from flexviz.measurements import Group
 
@@ -81,3 +82,23 @@ def without_effect(layout: Layout, x: Array, effect: ChosenEffect) -> ModelStart
     """The model with one effect fewer."""
     smaller = Layout(layout.joints, tuple(e for e in layout.effects if e != effect))
     return ModelStart(smaller, smaller.vector(layout.model(x)))
+
+
+def excess(fit: Fit) -> float:
+    """Mean χ² per sample above the noise, over joints, fit and validation groups."""
+    values = np.concatenate((fit.chi, fit.chi_held_out[np.isfinite(fit.chi_held_out)]))
+    return float(np.mean(np.maximum(values - 1.0, 0.0)))
+
+
+def credible(fit: Judged, effect: ChosenEffect, raw_step: float, values: Array | None = None) -> bool:
+    """Whether the parameters of an effect are plausible; `raw_step` is that of the records [s].
+
+    `values`: other parameters of the effect than those of the fit.
+    """
+    layout, joint = fit.layout, effect.joint or 0
+    values = fit.x[layout.effect_slice(effect)] if values is None else values
+    viscous = float(fit.x[layout.motor_viscous][joint] + fit.x[layout.link_viscous][joint])
+    top_speed = float(np.max(np.abs(fit.velocity[:, joint])))
+    names = frozenset(e.effect for e in layout.effects)
+    evidence = EffectEvidence(fit.torque[:, joint], raw_step, names, viscous, top_speed)
+    return EFFECTS[effect.effect].credible(values, evidence)

@@ -1,13 +1,13 @@
-"""A free curve as a further step of a diagnosis that ended with "unknown": not physics."""
+"""The free curve of a diagnosis that ended with "unknown", as a further step or as a draft of an effect."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis import stages
+from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, curve_finding, effect_values, made_step
 from flexviz.diagnosis.fit_context import FitContext
@@ -16,11 +16,12 @@ from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.effects import ChosenEffect, free_curve
+from flexviz.effects import EFFECTS, ChosenEffect, CurveForm, draft_effect, free_curve
 from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.results import curve_tables
 from flexviz.wording import percent
 
 # kinds of notes that are renewed, or are of the model without the curve
@@ -118,3 +119,40 @@ def _extended(
         free_curve=left,
         guard=None,
     )
+
+
+@dataclass(frozen=True)
+class CurveDraft:
+    """A drafted effect file.
+
+    Attributes:
+        form: the simple law.
+        joint: where the curve was found.
+        content: of the file, a Python program.
+    """
+
+    form: CurveForm
+    joint: str
+    content: str
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+        return f"{self.form.kind}_of_{self.form.variable}.py"
+
+
+def draft_from_curve(diagnosis: Diagnosis) -> CurveDraft | None:
+    """The effect drafted from the last free curve of the model, or else from that of the residual.
+
+    None if there is no curve, or none that resembles a simple law.
+    """
+    for table in reversed(curve_tables(diagnosis.parameters)):
+        form = table.simple_form()
+        if form is not None and table.joint is not None:
+            link = EFFECTS[table.effect].where == "link"
+            return CurveDraft(form, table.joint, draft_effect(form, table.joint, diagnosis.set_name, link))
+    curve = diagnosis.free_curve
+    form = curve.simple_form() if curve is not None and curve.form else None
+    if curve is None or form is None or not curve.effects:
+        return None
+    return CurveDraft(form, curve.joint, draft_effect(form, curve.joint, diagnosis.set_name))

@@ -1,7 +1,7 @@
 """Free curves of a residual: what follows one variable of a joint, in cross-validation, and the curve itself.
 
-The curve is a smooth torque u on the motor, with the nodes and the prior of the effect `FreeCurveEffect`, whose
-size is that of the residual. It changes the residual of a flexible joint by about u + κ ü with κ = M/K: slow
+The curve is a smooth torque u on the motor, with the nodes and the prior of the effect `FreeCurveEffect`, as
+large as the residual. It changes the residual of a flexible joint by about u + κ ü with κ = M/K: slow
 components keep their sign, those above the frequency 1/√κ are inverted and amplified. κ is chosen by the
 data, because the stiffness of an incomplete model may be far off. The response is low-passed like the
 residual. A curve that is drawn stands for what no effect of the library explains: a stopgap, not a model.

@@ -8,8 +8,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import credible, excess
-from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode, with_effect, without_effect
+from flexviz.diagnosis.candidates import (
+    ModelStart,
+    candidates,
+    credible,
+    excess,
+    is_episode,
+    with_effect,
+    without_effect,
+)
 from flexviz.diagnosis.criterion import Residuals, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import Fit, FitContext

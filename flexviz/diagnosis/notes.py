@@ -1,8 +1,9 @@
-"""Notes that accompany a verdict."""
+"""Notes that accompany a verdict, and held-out groups that judge nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +12,24 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
+from flexviz.diagnosis.so_far import NAMED
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
+from flexviz.measurements import Group, MeasurementSet
 from flexviz.results import Note
-from flexviz.wording import listed
+from flexviz.wording import listed, plural
 
-RMS_RATIO_EXPLAINED = 5.0  # rms relative to the noise floor above which "nothing-missing" needs a note
+Array = NDArray[np.float64]
+
+LIMITS, STILL = THRESHOLDS.evidence, THRESHOLDS.standstill
 
 
 def notes(
     final: Fit,
     verdict: str,
     errors: PredictionErrors,
-    model_error_variance: NDArray[np.float64] | None,
+    model_error_variance: Array | None,
     curve: FreeCurve | None,
     bandwidths: BandwidthCheck | None,
 ) -> tuple[Note, ...]:
@@ -48,11 +53,11 @@ def notes(
         )
         out.append(Note("model-error", text))
     floor = np.maximum(np.array(errors.noise_floor), 1e-300)
-    rms = np.array(errors.rms_validation or errors.rms)
+    rms = np.array(errors.stated)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > RMS_RATIO_EXPLAINED * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > LIMITS.deviations * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         text = (
             f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "
@@ -63,7 +68,7 @@ def notes(
     if verdict == "unknown":
         ratio = rms / floor
         left = ", ".join(
-            f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
+            f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:NAMED]
         )
         out.append(Note("unexplained", f"unexplained residual (Nm): {left}"))
     if curve is not None and curve.certain:
@@ -84,7 +89,7 @@ def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:
     """Which samples do not count; `first_phase`, shape (n,): the first phase of each joint that does."""
     names = listed([j for j, first in zip(joints, first_phase, strict=True) if first])
     starts = [j for j, first in zip(joints, first_phase, strict=True) if first == Phase.MOTION]
-    angle = THRESHOLDS.standstill.start_angle
+    angle = STILL.start_angle
     also = f", of {listed(starts)} also the first {angle:g} rad after it" if starts else ""
     return (
         f"samples at standstill of {names} are excluded{also}, here and from the errors: static friction can "
@@ -97,3 +102,32 @@ def stopgap_notes(layout: Layout) -> list[Note]:
     curves = ", ".join(e.text(layout.joints) for e in layout.effects if EFFECTS[e.effect].stopgap)
     text = f"not physics, but in the model: {curves}; it stands for a law that is still unknown"
     return [Note("stopgap", text)] if curves else []
+
+
+def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, list[Note]]:
+    """The set without held-out groups that stand still, and a note about them.
+
+    At rest friction takes any value up to its limit: there, a model with the right friction predicts no
+    better than one without.
+    """
+    ranges = np.max([_range(group) for group in measurements.fit_groups], axis=0)
+    still = [
+        group.name
+        for group in measurements.validation_groups
+        if np.all(_range(group) < STILL.still_range * ranges)
+    ]
+    if not still:
+        return measurements, []
+    kept = tuple(group for group in measurements.groups if group.name not in still)
+    text = (
+        f"held-out {plural(len(still), 'group')} {listed(still)}: the robot stands still, where static "
+        "friction can take any value up to its limit; what is measured there judges no effect and counts in "
+        "no error stated here"
+    )
+    return replace(measurements, groups=kept), [Note("other", text)]
+
+
+def _range(group: Group) -> Array:
+    """Of each motor's position, shape (n,) [rad]."""
+    theta = np.concatenate([s.theta for s in group.segments])
+    return np.ptp(theta, axis=0)

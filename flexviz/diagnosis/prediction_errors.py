@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import Phases, phases
-from flexviz.equation import Equation, Layout, OperatingPoint, build_signals, layout_of
+from flexviz.equation import Equation, Layout, build_signals, layout_of
 from flexviz.estimation import residual_noise
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
@@ -44,45 +44,38 @@ class PredictionErrors:
     noise_floor: tuple[float, ...]
     residual: Array
 
+    @property
+    def stated(self) -> tuple[float, ...]:
+        """Of the validation groups, if there are any, else of the fit groups."""
+        return self.rms_validation or self.rms
+
+    @property
+    def stated_name(self) -> str:
+        """Which error `stated` is: "validation" or "fit"."""
+        return "validation" if self.rms_validation else "fit"
+
 
 class PredictionErrorBand:
-    """Signals in the display band.
-
-    Args:
-        measurements: the set.
-        groups: of it; default: all.
+    """Signals of a set in the display band.
 
     Attributes:
-        stated: which error is stated: that of the validation groups, if there are any.
+        signals: of all groups.
+        rows: shape (N_g,) each, samples of each group.
     """
 
-    def __init__(self, measurements: MeasurementSet, groups: Sequence[Group] | None = None) -> None:
+    def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
         observer = FlatZeroPhase(2 * np.pi * BAND_HERTZ)
-        made = build_signals(measurements, groups or measurements.groups, observer, longest_edge=LONGEST_EDGE)
+        made = build_signals(measurements, measurements.groups, observer, longest_edge=LONGEST_EDGE)
         self.signals = replace(made, sharp=True)
         self._shared: dict[object, Any] = {}
+        self._noise = segments_noise([b.segment for b in self.signals.blocks])
+        rows: list[list[Array]] = [[] for _ in self.signals.groups]
+        for b in self.signals.blocks:
+            rows[b.group].append(np.arange(b.rows.start, b.rows.stop))
         self.rows = {
-            group.name: np.concatenate(
-                [np.arange(b.rows.start, b.rows.stop) for b in self.signals.blocks if b.group == k]
-                or [np.arange(0)]
-            )
-            for k, group in enumerate(self.signals.groups)
+            g.name: np.concatenate((np.arange(0), *r)) for g, r in zip(self.signals.groups, rows, strict=True)
         }
-        held_out = any(g.validation and len(self.rows[g.name]) for g in self.signals.groups)
-        self.stated = "validation" if held_out else "fit"
-
-    @cached_property
-    def noise(self) -> tuple[Array, Array]:
-        """Of θ [rad] and τ [Nm], shape (n,) each."""
-        return segments_noise([b.segment for b in self.signals.blocks])
-
-    @cached_property
-    def _only_stated(self) -> PredictionErrorBand:
-        """The groups whose error is stated."""
-        groups, held_out = self.signals.groups, self.stated == "validation"
-        stated = [g for g in groups if g.validation == held_out and len(self.rows[g.name])]
-        return self if len(stated) == len(groups) else PredictionErrorBand(self.measurements, stated)
 
     @cached_property
     def phases(self) -> Phases:
@@ -91,43 +84,26 @@ class PredictionErrorBand:
 
     def errors(self, fit: Fitted, first_phase: Phases | None = None) -> PredictionErrors:
         """Residuals of a model; `first_phase`, shape (n,): the first phase of each joint that counts."""
-        point, residual, used = self._residual(fit, first_phase)
-        held_out = {g.name: g.validation for g in self.signals.groups}
-        groups = tuple(
-            (name, _rms(residual[rows], used[rows]), held_out[name])
-            for name, rows in self.rows.items()
-            if len(rows)
-        )
-        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
-        return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
-
-    def stated_rms(self, fit: Fitted, first_phase: Phases | None = None) -> tuple[float, ...]:
-        """The stated one of `errors`, per joint [Nm], without evaluating any other."""
-        return _rms(*self._only_stated._residual(fit, first_phase)[1:])
-
-    def _residual(
-        self, fit: Fitted, first_phase: Phases | None
-    ) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
-        """A model, its residual, and which of it counts."""
         point = Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
         residual = point.residual(fit.x)
-        return (
-            point,
-            residual,
-            np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase,
-        )
+        used = np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase
 
-    def _rms(
-        self, residual: Array, used: NDArray[np.bool_]
-    ) -> tuple[tuple[float, ...], tuple[float, ...] | None]:
-        """Per joint, over the fit and over the validation groups."""
-        parts = [
-            [self.rows[g.name] for g in self.signals.groups if g.validation == held_out]
-            for held_out in (False, True)
-        ]
-        fitted, held_out = (np.concatenate((np.arange(0), *rows)) for rows in parts)
-        errors = _rms(residual[fitted], used[fitted])
-        return errors, _rms(residual[held_out], used[held_out]) if len(held_out) else None
+        def rms(names: Sequence[str]) -> tuple[float, ...]:
+            rows = np.concatenate((np.arange(0), *(self.rows[name] for name in names)))
+            kept = used[rows]
+            squares = np.sum(residual[rows] ** 2 * kept, axis=0)
+            return tuple(map(float, np.sqrt(squares / np.maximum(kept.sum(axis=0), 1))))
+
+        seen = [g for g in self.signals.groups if len(self.rows[g.name])]
+        fitted, held_out = ([g.name for g in seen if g.validation == held] for held in (False, True))
+        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self._noise))
+        return PredictionErrors(
+            rms(fitted),
+            rms(held_out) if held_out else None,
+            tuple((g.name, rms([g.name]), g.validation) for g in seen),
+            tuple(map(float, floor)),
+            residual,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +140,3 @@ def errors_along(
             x[layout.compliance] = 1.0 / x[layout.compliance]
         points.append(x)
     return tuple(band.errors(Known(layout, x)) for x in points)
-
-
-def _rms(residual: Array, used: NDArray[np.bool_]) -> tuple[float, ...]:
-    return tuple(map(float, np.sqrt(np.sum(residual**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))))

@@ -126,8 +126,6 @@ class ParameterCurve:
         place: payload or group of the effect, if any.
         values, std: shape (M,); NaN at a bound.
         moved: largest distance from the value at the bandwidth in use, in standard errors of that value.
-        excuse: the same in standard errors of the difference, computed from the contribution of every second
-            of data to both fits; small for noise and even for a model error.
         trusted: the parameter stays within its 95 % interval, or noise explains the change.
     """
 
@@ -138,7 +136,6 @@ class ParameterCurve:
     values: Array
     std: Array
     moved: float
-    excuse: float
     trusted: bool
 
 
