@@ -21,7 +21,7 @@ from flexviz._scipy import sp
 from flexviz.diagnosis.fit_context import NEGLIGIBLE_STEP, SEARCH_WEIGHTING, search_bounds
 from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation import Block, Layout, Signals
+from flexviz.equation import Block, Layout
 from flexviz.errors import InputError
 from flexviz.estimation import (
     WIDE_HERTZ,
@@ -40,7 +40,6 @@ from flexviz.estimation import (
 )
 from flexviz.identification import Combination, ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
 from flexviz.statistics import NORMAL_95
 
@@ -53,38 +52,6 @@ Spans = dict[Key, tuple[float, float]]
 FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # bandwidths relative to the one in use
 STEPS = 6  # Gauss–Newton steps of a fit
 LIMITS = THRESHOLDS.evidence
-
-
-@dataclass(frozen=True)
-class BandwidthData:
-    """Data at one bandwidth.
-
-    Attributes:
-        two_band: signals and equation.
-        own_error: shape (N, n), error of this band's residual [Nm].
-    """
-
-    two_band: TwoBandData
-    own_error: Array | float = 0.0
-
-    @property
-    def signals(self) -> Signals:
-        """Of the wide band."""
-        return self.two_band.wide.signals
-
-    @property
-    def bandwidth(self) -> float:
-        """Of the wide band [rad/s]."""
-        return float(np.max(self.signals.observer.bandwidth))
-
-    @property
-    def blocks(self) -> dict[Key, Block]:
-        """Stretches by their group and start time."""
-        return {(b.group, float(b.segment.time[0])): b for b in self.signals.blocks}
-
-    def residual(self, x: Array) -> Array:
-        """Residual at x, shape (N, n) [Nm]."""
-        return self.two_band.wide.at(x).residual(x) - self.own_error
 
 
 @dataclass(frozen=True)
@@ -116,24 +83,21 @@ def check_bandwidth(
     """
     began = time.perf_counter()
     bands = bandwidths(measurements, layout, FACTORS)
-    used = min(bands, key=lambda band: abs(band.bandwidth - 2 * np.pi * WIDE_HERTZ))
+    used = min(bands, key=lambda band: abs(bandwidth(band) - 2 * np.pi * WIDE_HERTZ))
     in_use = bands.index(used)
-    start = start_values(measurements, used.two_band.narrow)
+    start = start_values(measurements, used.narrow)
     prior, bounds = start.prior, search_bounds(start, layout)
     common = spans(bands)
     when = seconds(used, common)
     # it also estimates the model error, if noise does not explain the residual
-    whitening = ModelErrorWhitening(used.two_band, window=when >= 0)
+    whitening = ModelErrorWhitening(used, window=when >= 0)
     begin = solve(whitening, prior, bounds, x, iterations=STEPS, negligible=NEGLIGIBLE_STEP).point.x
     model_error = whitening.two_band.noise_model.model_error
     fits: list[BandwidthFit] = []
     for band in bands:
         check()
-        if FlatZeroPhase.ratio * band.bandwidth <= used.bandwidth:
-            band = without_own_error(band, used, begin)
-        band = replace(band, two_band=band.two_band.with_model_error(model_error))
-        fits.append(fit_band(band, prior, bounds, begin, seconds(band, common)))
-    reference, top = fits[in_use].x, bands[0].bandwidth
+        fits.append(fit_band(band.with_model_error(model_error), prior, bounds, begin, seconds(band, common)))
+    reference, top = fits[in_use].x, bandwidth(bands[0])
     low = FlatZeroPhase(top / FlatZeroPhase.ratio)
     base = compared(used, reference, used, common, low)
     rms, change = [], []
@@ -144,14 +108,12 @@ def check_bandwidth(
     floor = slow_noise(used, reference, low)
     least = np.maximum(LIMITS.change * floor, LIMITS.change_share * _rms(base))
     return BandwidthCheck(
-        observer="two bands",
-        bandwidths=np.array([b.bandwidth for b in bands]),
+        bandwidths=np.array([bandwidth(b) for b in bands]),
         in_use=in_use,
         joints=layout.joints,
         rms=np.array(rms),
         noise_floor=floor,
         change=np.array(change),
-        change_noise=np.zeros((len(bands), layout.n)),  # all bands are flat there
         band=top,
         # errors of a narrower band do not affect the one in use
         observer_error=np.max(change[in_use:], axis=0) > least,
@@ -164,70 +126,65 @@ def _rms(residual: Array) -> Array:
     return np.sqrt(np.mean(residual**2, axis=0))
 
 
-def bandwidths(measurements: MeasurementSet, layout: Layout, factors: Sequence[float]) -> list[BandwidthData]:
+def bandwidth(band: TwoBandData) -> float:
+    """Of the wide band [rad/s]."""
+    return float(np.max(band.wide.signals.observer.bandwidth))
+
+
+def stretches(band: TwoBandData) -> dict[Key, Block]:
+    """Contiguous samples by their group and start time, which are the same at all bandwidths."""
+    return {(b.group, float(b.segment.time[0])): b for b in band.blocks}
+
+
+def bandwidths(measurements: MeasurementSet, layout: Layout, factors: Sequence[float]) -> list[TwoBandData]:
     """Data of the fit groups at several bandwidths, ascending.
 
     In coarse records some factors give the same band; short ones leave no samples in the narrowest bands.
+    There, products of filtered signals differ from the filtered products, which are formed instead.
     """
-    found: dict[float, BandwidthData] = {}
+    found: dict[float, TwoBandData] = {}
     for factor in sorted(factors):
-        weighing = replace(SEARCH_WEIGHTING, hertz=SEARCH_WEIGHTING.hertz * factor, ridge=0.0)
+        hertz, narrow = SEARCH_WEIGHTING.hertz * factor, FlatZeroPhase.ratio * factor <= 1
+        weighing = replace(SEARCH_WEIGHTING, hertz=hertz, ridge=0.0, products=narrow)
         try:
-            band = BandwidthData(TwoBandData(measurements, measurements.fit_groups, layout, weighing))
+            band = TwoBandData(measurements, measurements.fit_groups, layout, weighing)
         except InputError:
             if factor >= 1.0:
                 raise
             continue
-        found.setdefault(band.bandwidth, band)
-    return [found[bandwidth] for bandwidth in sorted(found)]
+        found.setdefault(bandwidth(band), band)
+    return [found[key] for key in sorted(found)]
 
 
-def without_own_error(band: BandwidthData, wider: BandwidthData, x: Array) -> BandwidthData:
-    """The band with its residual replaced by the low-passed residual of the wider band.
-
-    Products of narrowly filtered signals differ from the filtered products. This error of the narrow band
-    says nothing about the parameters found in the wider one.
-    """
-    residual, wide, there = band.residual(x), wider.residual(x), wider.blocks
-    error = np.zeros_like(residual)
-    for key, own in band.blocks.items():
-        if (source := there.get(key)) is not None:
-            step = source.segment.step * source.stride
-            slow = band.signals.observer.derivatives(wide[source.rows], step, 1)[0]
-            formed = sp.interpolate.CubicSpline(wider.signals.time[source.rows], slow)
-            error[own.rows] = residual[own.rows] - formed(band.signals.time[own.rows])
-    return replace(band, own_error=error)
-
-
-def spans(bands: Sequence[BandwidthData]) -> Spans:
+def spans(bands: Sequence[TwoBandData]) -> Spans:
     """First and last common instant of every stretch that all bandwidths contain [s]."""
     out = {}
-    for key in set.intersection(*(set(band.blocks) for band in bands)):
-        ends = np.array([band.signals.time[band.blocks[key].rows][[0, -1]] for band in bands])
+    for key in set.intersection(*(set(stretches(band)) for band in bands)):
+        ends = np.array([band.wide.signals.time[stretches(band)[key].rows][[0, -1]] for band in bands])
         out[key] = (float(ends[:, 0].max()), float(ends[:, 1].min()))
     if not out:
         raise InputError("the records are too short for these bandwidths; use higher ones")
     return out
 
 
-def seconds(band: BandwidthData, common: Spans) -> Ints:
+def seconds(band: TwoBandData, common: Spans) -> Ints:
     """Index of each sample's second within the common spans, shape (N,); −1 outside."""
-    out, blocks, total = np.full(band.signals.count, -1), band.blocks, 0
+    out, blocks, total = np.full(band.wide.signals.count, -1), stretches(band), 0
     for key, (first, last) in sorted(common.items()):
         rows, count = blocks[key].rows, max(1, int(np.ceil(last - first)))
-        time = band.signals.time[rows]
+        time = band.wide.signals.time[rows]
         number = total + np.clip((time - first).astype(int), 0, count - 1)
         out[rows] = np.where((time >= first - 1e-9) & (time <= last + 1e-9), number, -1)
         total += count
     return out
 
 
-def fit_band(band: BandwidthData, prior: Prior, bounds: Bounds, x: Array, seconds: Ints) -> BandwidthFit:
+def fit_band(band: TwoBandData, prior: Prior, bounds: Bounds, x: Array, seconds: Ints) -> BandwidthFit:
     """Gauss–Newton on Zᵀ W r = b from x, shape (P,); `seconds`, shape (N,): index of each sample's second."""
     used = seconds >= 0
-    whitening = Whitening(band.two_band, own_error=band.own_error, window=used)
+    whitening = Whitening(band, window=used)
     solved = solve(whitening, prior, bounds, x, iterations=STEPS, negligible=NEGLIGIBLE_STEP)
-    covariance = solved.covariance(from_noise=not band.two_band.noise_model.model_error.any())
+    covariance = solved.covariance(from_noise=not band.noise_model.model_error.any())
     # −H⁻¹ times the score of each second
     score, free = np.zeros((int(seconds.max()) + 1, len(x))), ~solved.at_bound
     np.add.at(score, seconds[used], solved.point.sample_scores()[used])
@@ -237,38 +194,37 @@ def fit_band(band: BandwidthData, prior: Prior, bounds: Bounds, x: Array, second
     return BandwidthFit(solved.point.x, covariance, solved.at_bound, influence)
 
 
-def compared(band: BandwidthData, x: Array, other: BandwidthData, common: Spans, low: FlatZeroPhase) -> Array:
+def compared(band: TwoBandData, x: Array, other: TwoBandData, common: Spans, low: FlatZeroPhase) -> Array:
     """Low-passed residual at the samples of another band within the common spans, shape (N', n) [Nm].
 
-    Each stretch is tapered over one cycle of the low-pass at both ends and rescaled to the rms of an
-    untapered stretch; without the taper, fast noise at the ends would leak into the pass band.
+    Each stretch is tapered over one cycle of the low-pass at both ends, where fast noise would leak into the
+    pass band, and rescaled to the rms of an untapered stretch.
     """
-    residual = band.residual(x)
+    residual = band.residual(band.wide.at(x), x)
     ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
-    mine, there, out = band.blocks, other.blocks, []
+    mine, there, out = stretches(band), stretches(other), []
     for key, (first, last) in sorted(common.items()):
         own = mine[key]
-        time = band.signals.time[own.rows]
+        time = band.wide.signals.time[own.rows]
         fade = np.minimum(time - first, last - time) / min(ramp, 0.5 * (last - first))
         fade = np.sin(0.5 * np.pi * np.clip(fade, 0.0, 1.0)) ** 2
         slow = low.derivatives(residual[own.rows] * fade[:, None], own.segment.step * own.stride, 1)[0]
         slow /= np.sqrt(np.mean(fade[fade > 0] ** 2))
-        at = other.signals.time[there[key].rows]
+        at = other.wide.signals.time[there[key].rows]
         out.append(sp.interpolate.CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
     return np.concatenate(out)
 
 
-def slow_noise(band: BandwidthData, x: Array, low: FlatZeroPhase) -> Array:
+def slow_noise(band: TwoBandData, x: Array, low: FlatZeroPhase) -> Array:
     """Standard deviation of the low-passed residual due to measurement noise, shape (n,) [Nm]."""
-    equation, signals = band.two_band.narrow, band.signals
+    equation, signals = band.narrow, band.wide.signals
     paths = noise_paths(equation.layout, x, equation.at(x).link_terms(x))
-    noise = segments_noise([b.segment for b in signals.blocks])
     hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)
     gain = np.abs(low.transfer(2 * np.pi * hertz, 0))[:, None] ** 2
     total = np.zeros(equation.layout.n)
     for block in signals.blocks:
         here, step = [path.rows(block.rows) for path in paths], block.segment.step
-        density = noise_density(here, noise, signals.observer.transfer, step, hertz)
+        density = noise_density(here, band.noise, signals.observer.transfer, step, hertz)
         total += (block.rows.stop - block.rows.start) * np.trapezoid(gain * density, hertz, axis=0)
     return np.sqrt(total / signals.count)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from threadpoolctl import threadpool_limits
 
@@ -69,10 +70,10 @@ def with_free_curve(
         raise InputError(f"no free curve is added: {why}")
     curve, model = diagnosis.free_curve, diagnosis.model
     assert curve is not None and model is not None
+    joints, tell_nothing = measurements.joints, partial(tell, "")
     with threadpool_limits(1, "blas"):
-        joints = measurements.joints
         own = Layout(joints, tuple(ChosenEffect.of(value, joints) for value in model.effects))
-        context = MotionContext(measurements, joints)
+        context, band = MotionContext(measurements, joints), PredictionErrorBand(measurements)
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
@@ -80,45 +81,34 @@ def with_free_curve(
         fits: list[MotionFit] = []
         for name in curve.effects:
             layout = Layout(joints, (*own.effects, ChosenEffect(name, joints.index(curve.joint))))
-            fits.append(context.fit(layout, layout.vector(model), check=lambda: tell("")))
-        return _extended(measurements, diagnosis, before, min(fits, key=lambda fit: fit.objective), tell)
-
-
-def _extended(
-    measurements: MeasurementSet,
-    diagnosis: Diagnosis,
-    before: MotionFit,
-    after: MotionFit,
-    tell: Callable[[str], None],
-) -> Diagnosis:
-    """The diagnosis with the model of `after` as its last step."""
-    layout, context = after.layout, after.context
-    band = PredictionErrorBand(measurements)
-    phase = context.first_phase
-    first = Stair(None, before.layout, before.x, before.covariance, band.errors(before, phase))
-    last = Stair(layout.effects[-1], layout, after.x, after.covariance, band.errors(after, phase))
-    finding = curve_finding(first, last, band)
-    tell(stages.LOCATION)
-    at_noise = FitContext(measurements, layout)
-    fit = at_noise.fit(layout, after.x, iterations=0)
-    places, maps, parts = locate_residual(at_noise, fit)
-    left = fit_free_curve(at_noise, fit, places[0], parts)
-    prior = context.start(layout).prior
-    kept = (note for note in diagnosis.notes if note.kind not in OLD_NOTES)
-    return replace(
-        diagnosis,
-        where=places,
-        steps=(*diagnosis.steps, made_step(finding, last, last.errors, "unknown")),
-        effects=effect_values(after, last.covariance.standard_errors),
-        parameters=parameter_estimates(
-            layout, after.x, prior.centre, after.covariance, after.at_bound, prior
-        ),
-        notes=(*kept, *notes(fit, "unknown", last.errors, None, left, None)),
-        model=layout.model(after.x),
-        maps=maps,
-        free_curve=left,
-        guard=None,
-    )
+            fits.append(context.fit(layout, layout.vector(model), check=tell_nothing))
+        after = min(fits, key=lambda fit: fit.objective)
+        layout = after.layout
+        first, last = (
+            Stair(added, fit.layout, fit.x, fit.covariance, band.errors(fit, context.first_phase))
+            for added, fit in ((None, before), (layout.effects[-1], after))
+        )
+        tell(stages.LOCATION)
+        at_noise = FitContext(measurements, layout)
+        fit = at_noise.fit(layout, after.x, iterations=0)
+        places, maps, parts = locate_residual(at_noise, fit)
+        left, prior = fit_free_curve(at_noise, fit, places[0], parts), context.start(layout).prior
+        kept = (note for note in diagnosis.notes if note.kind not in OLD_NOTES)
+        step = made_step(curve_finding(first, last, band), last, last.errors, "unknown")
+        return replace(
+            diagnosis,
+            where=places,
+            steps=(*diagnosis.steps, step),
+            effects=effect_values(after, last.covariance.standard_errors),
+            parameters=parameter_estimates(
+                layout, after.x, prior.centre, after.covariance, after.at_bound, prior
+            ),
+            notes=(*kept, *notes(fit, "unknown", last.errors, None, left, None)),
+            model=layout.model(after.x),
+            maps=maps,
+            free_curve=left,
+            guard=None,
+        )
 
 
 @dataclass(frozen=True)

@@ -37,9 +37,6 @@ BASES = {DIRECTED: "free_curve_direction", "velocity": "free_curve_velocity"}  #
 CURVED = ("position", DIRECTED, "velocity", "acceleration", "load", "time")
 
 
-POINTS = 81  # of a drawn curve
-
-
 RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)  # 1/(2π√κ) [Hz]; the first is a rigid joint
 
 
@@ -137,8 +134,8 @@ def fit_free_curve(
     score = score_covariance(rest[:, None], columns[:, None], folds.stretches)
     covariance = sandwich(columns.T @ columns, score, best.precision).matrix
     low, high = best.ends
-    centres: Array = np.linspace(-high if variable == "velocity" else low, high, POINTS)
-    value, std = np.full((2, best.curve.sides, POINTS), np.nan)
+    centres: Array = np.linspace(-high if variable == "velocity" else low, high, best.columns.shape[1])
+    value, std = np.full((2, best.curve.sides, len(centres)), np.nan)
     for side, direction in enumerate((1.0, -1.0)[: best.curve.sides]):
         seen = data.shown & ((direction * data.theta[1, :, joint] > 0) | (best.curve.sides == 1))
         if seen.any():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.vibration import HARMONICS
 from flexviz.effects.free_curve import NODES
 from flexviz.equation import layout_of
+from flexviz.estimation import noise_density
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.parallel import shared
@@ -48,91 +49,72 @@ UNSTRUCTURED_SHARE = 0.1  # explained share of a residual up to which it counts 
 
 def joint_maps(data: SlowResidual, joint: int) -> list[ResidualMap]:
     """Maps of a joint against all variables but frequency."""
-    residual = data.residual[:, joint]
     folds = make_folds(data.shown, data.stretches, data.cycle)
-    out = []
-    for name in UNITS:
-        if name == "frequency":
-            continue
-        against = binned(data, folds, joint, name)
-        if name == "time":
-            found = explained_in_time(residual, folds)
-        elif name == "group":
-            found = explained(data.group, residual, folds)
-        else:
-            found = fit_curve(data, folds, joint, name).found
-        if name == "load" and makes_up_load(data, joint):
-            found = replace(found, share=0.0)
-        out.append(_map(data, joint, name, against, found, folds))
-    return out
+    return [_map(data, joint, name, folds) for name in UNITS if name != "frequency"]
 
 
-def makes_up_load(data: SlowResidual, joint: int) -> bool:
-    """Whether a joint's residual is most of its load, which it then follows whatever is missing.
+def _explained(data: SlowResidual, joint: int, name: str, folds: Folds) -> ExplainedShare:
+    """Share of a joint's residual that a variable explains.
 
-    The load is seen from the motor, so that it contains a torque that is missing there; a link that carries
-    little needs nothing else.
+    A residual that is most of the load follows it whatever is missing: the load is seen from the motor, so
+    that it contains a torque that is missing there, and a link that carries little needs nothing else.
     """
-    residual, load = data.residual[data.shown, joint], data.load[data.shown, joint]
-    return bool(residual.size) and float(residual.var()) > float((load - residual).var())
-
-
-@dataclass(frozen=True)
-class _Against:
-    """Values of a variable and the index of each sample's bin, shape (N,), in S curves of B bins each."""
-
-    values: Array
-    index: Ints
-    curves: tuple[str, ...]
-    bins: int
-
-
-def binned(data: SlowResidual, folds: Folds, joint: int, name: str) -> _Against:
-    """Bins of a variable, between equally spaced and equally filled; that of velocity has an edge at zero."""
+    residual = data.residual[:, joint]
+    if name == "time":
+        return explained_in_time(residual, folds)
     if name == "group":
-        return _Against(data.group.astype(float), data.group, ("",), len(data.groups))
+        return explained(data.group, residual, folds)
+    found, load = fit_curve(data, folds, joint, name).found, data.load[data.shown, joint]
+    own = name == "load" and load.size and np.var(residual[data.shown]) > np.var(load - residual[data.shown])
+    return replace(found, share=0.0) if own else found
+
+
+def binned(
+    data: SlowResidual, folds: Folds, joint: int, name: str
+) -> tuple[Array, Ints, tuple[str, ...], int]:
+    """Values of a variable and the index of each sample's bin, shape (N,), in curves of so many bins each.
+
+    Edges lie midway between equally spaced and equally filled bins; one of velocity's at zero.
+    """
+    if name == "group":
+        return data.group.astype(float), data.group, ("",), len(data.groups)
     if name == "time":
         block, seen = folds.block.copy(), np.zeros(len(data.groups), int)
         for rows in folds.stretches:  # a group may have several stretches
-            group = data.group[rows.start]
-            block[rows] += seen[group]
-            seen[group] = block[rows].max() + 1
+            block[rows] += seen[data.group[rows.start]]
+            seen[data.group[rows.start]] = block[rows].max() + 1
         bins = max(int(seen.max()), 1)
-        return _Against(data.time, data.group * bins + block, data.groups, bins)
-    values = data.variable(name, joint)
+        return data.time, data.group * bins + block, data.groups, bins
+    values, share = data.variable(name, joint), np.linspace(0, 1, NODES + 1)
     seen = values[data.shown] if data.shown.any() else np.zeros(1)
-    edges = 0.5 * (
-        np.linspace(seen.min(), seen.max(), NODES + 1) + np.quantile(seen, np.linspace(0, 1, NODES + 1))
-    )
+    edges = 0.5 * (np.quantile(seen, share) + seen.min() + share * np.ptp(seen))
     if name == "velocity" and edges[0] < 0 < edges[-1]:
         edges[1 + np.argmin(np.abs(edges[1:-1]))] = 0.0
     index = np.clip(np.searchsorted(np.sort(edges), values, side="right") - 1, 0, NODES - 1)
     if name != DIRECTED:
-        return _Against(values, index, ("",), NODES)
-    return _Against(values, index + (data.theta[1, :, joint] < 0) * NODES, DIRECTIONS, NODES)
+        return values, index, ("",), NODES
+    return values, index + (data.theta[1, :, joint] < 0) * NODES, DIRECTIONS, NODES
 
 
-def _map(
-    data: SlowResidual, joint: int, name: str, against: _Against, found: ExplainedShare, folds: Folds
-) -> ResidualMap:
-    residual, shown = data.residual[:, joint], data.shown
-    shape = (len(against.curves), against.bins)
-    total = shape[0] * shape[1]
-    mean, std, count = mean_and_error(against.index, residual, total, folds)
+def _map(data: SlowResidual, joint: int, name: str, folds: Folds) -> ResidualMap:
+    residual, shown, found = data.residual[:, joint], data.shown, _explained(data, joint, name, folds)
+    values, index, curves, bins = binned(data, folds, joint, name)
+    shape = (len(curves), bins)
+    mean, std, count = mean_and_error(index, residual, shape[0] * bins, folds)
     with np.errstate(invalid="ignore"):
-        centres = np.bincount(against.index[shown], against.values[shown], total) / count
-    strength, row = np.bincount(against.index, found.product, total).reshape(shape), against.index // shape[1]
+        centres = np.bincount(index[shown], values[shown], len(count)) / count
+    strength = np.bincount(index, found.product, len(count)).reshape(shape)
+    inside = shown
     if name == "time":  # each group has its own time
         best = int(np.argmax(np.maximum(strength, 0).sum(axis=1)))
-        shown, strength = shown & (row == best), strength[[best]]
+        inside, strength = shown & (index // bins == best), strength[[best]]
     run = shortest_run(strength.sum(axis=0))
-    place = against.index % shape[1]
-    values = against.values[shown & (place >= run.start) & (place < run.stop)]
+    within = values[inside & (index % bins >= run.start) & (index % bins < run.stop)]
     return ResidualMap(
         joint=data.joints[joint],
         variable=name,
         unit=UNITS[name],
-        curves=against.curves,
+        curves=curves,
         centres=centres.reshape(shape),
         mean=mean.reshape(shape),
         std=std.reshape(shape),
@@ -140,9 +122,9 @@ def _map(
         explained=found.share,
         explained_std=found.std,
         explained_by_group={
-            g: found.of(residual, data.shown & (data.group == k)) for k, g in enumerate(data.groups)
+            g: found.of(residual, shown & (data.group == k)) for k, g in enumerate(data.groups)
         },
-        range=(float(values.min()), float(values.max())) if len(values) else (0.0, 0.0),
+        range=(float(within.min()), float(within.max())) if len(within) else (0.0, 0.0),
     )
 
 
@@ -164,7 +146,8 @@ def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> lis
                     both, rate = (part.residual[at], velocity[at]), 1 / (step * block.stride)
                     hertz, power = sp.signal.periodogram(both, rate, "hann", detrend=False, axis=1)
                     kept = hertz < bands
-                    band, floor = hertz[kept].astype(int), part.floor(rows, step, hertz)
+                    here, band = [path.rows(rows) for path in part.paths], hertz[kept].astype(int)
+                    floor = noise_density(here, part.two_band.noise, observer.transfer, step, hertz)
                     np.add.at(lines[half], band, 1)
                     for total, one in zip(sums[half], (power[0], floor, power[1]), strict=True):
                         np.add.at(total, band, one[kept])
@@ -181,27 +164,24 @@ def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> lis
     shares = 0.5 * (
         np.take_along_axis(excess[1], chosen[:1], 0) + np.take_along_axis(excess[0], chosen[1:], 0)
     )
-    out = []
-    for j, name in enumerate(names):
-        at = int(best[j])
-        root = np.sqrt([density[:, j], floor[:, j]])
-        out.append(
-            ResidualMap(
-                joint=name,
-                variable="frequency",
-                unit=UNITS["frequency"],
-                curves=("residual", "noise floor"),
-                centres=np.tile(centre, (2, 1)),
-                mean=root,
-                std=np.stack((0.5 * std[:, j] / np.maximum(root[0], 1e-300), np.zeros(bands))),
-                count=np.tile(count[:, 0].astype(int), (2, 1)),
-                explained=float(shares[0, j]),
-                explained_std=float((std * slow)[at, j] / size[j]),
-                explained_by_group={},
-                range=(float(at), float(at + 1)),
-            )
+    root, error = np.sqrt([density, floor]), 0.5 * std / np.maximum(np.sqrt(density), 1e-300)
+    return [
+        ResidualMap(
+            joint=name,
+            variable="frequency",
+            unit=UNITS["frequency"],
+            curves=("residual", "noise floor"),
+            centres=np.tile(centre, (2, 1)),
+            mean=root[:, :, j],
+            std=np.stack((error[:, j], np.zeros(bands))),
+            count=np.tile(count[:, 0].astype(int), (2, 1)),
+            explained=float(shares[0, j]),
+            explained_std=float((std * slow)[at, j] / size[j]),
+            explained_by_group={},
+            range=(float(at), float(at + 1)),
         )
-    return out
+        for j, (name, at) in enumerate(zip(names, best, strict=True))
+    ]
 
 
 def maps_of(
@@ -231,11 +211,9 @@ class Located(NamedTuple):
     parts: list[JointResiduals]
 
 
-def residual_locations(
-    context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
-) -> tuple[ResidualLocation, ...]:
+def residual_locations(context: FitContext, fit: Fit) -> tuple[ResidualLocation, ...]:
     """Locations of the residual: by joint, then by explained share."""
-    return locate_residual(context, fit, check).places
+    return locate_residual(context, fit).places
 
 
 def locate_residual(context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None) -> Located:

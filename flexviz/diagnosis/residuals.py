@@ -18,7 +18,6 @@ from flexviz.estimation import (
     TwoBandData,
     Whitener,
     bounded_step,
-    noise_density,
     noise_paths,
     whitened,
 )
@@ -53,12 +52,6 @@ class JointResiduals:
     shown: Bools
     white: Array
     paths: list[NoisePath]
-
-    def floor(self, rows: slice, step: float, hertz: Array) -> Array:
-        """Noise density of `residual` over some rows, shape (F, n) [Nm²/Hz]; raw `step` [s]."""
-        here = [path.rows(rows) for path in self.paths]
-        transfer = self.two_band.wide.signals.observer.transfer
-        return noise_density(here, self.two_band.noise, transfer, step, hertz)
 
 
 def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
@@ -105,18 +98,9 @@ def _of_groups(fit: Fit, data: TwoBandData, point: Point) -> JointResiduals:
 def settled_reversals(
     whitener: Whitener, residual: Array, used: Bools, pulses: Sequence[Pulses], joint: int
 ) -> tuple[Array, Array]:
-    """Residual of one joint without nuisance pulses at reversals.
+    """Residual of one joint, shape (N,), less the most probable nuisance pulses, and its form P W r.
 
-    Args:
-        whitener: of this joint alone.
-        residual: shape (N,) [Nm].
-        used: shape (N,).
-        pulses: of the stretch.
-        joint: index of the joint.
-
-    Returns:
-        residual less the most probable pulses, and its whitened form P W r (see `NoiseWeighting`), zero if
-        not used, shape (N,) each.
+    P W is explained at `NoiseWeighting`; zero if not `used`, shape (N,). `whitener`: of this joint alone.
     """
     residual = residual.copy()
     white = whitener.apply(residual[:, None])[:, 0] * used
@@ -187,9 +171,7 @@ def samples(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> SlowR
             stretches.append(slice(at + block.rows.start, at + block.rows.stop))
         at += signals.count
     shown, found = np.concatenate([p.shown for p in parts]), absorption(context, fit, parts)
-    left = np.concatenate([p.slow for p in parts])
-    for j in range(fit.layout.n):
-        left[:, j] += found.own(j) @ found.step
+    left = np.concatenate([p.slow + jac @ found.step for p, jac in zip(parts, found.jacobians, strict=True)])
     return SlowResidual(
         fit.layout.joints, names, np.concatenate(group), tuple(stretches), shown,
         np.concatenate([p.two_band.narrow.signals.time for p in parts]),
@@ -204,8 +186,7 @@ class Absorption:
     """Part of a residual that the model's parameters can absorb, by least squares in Nm.
 
     The fit weights every frequency by its noise. If the model error exceeds the noise by far, a few
-    frequencies with little noise bias the parameters, and the missing effect spreads over all other
-    frequencies. One step of least squares in Nm leaves the residual that no parameter explains.
+    frequencies with little noise bias the parameters, and the missing effect spreads over all others.
 
     Attributes:
         weight: shape (n,), weight of each joint's residual [1/Nm].
@@ -219,17 +200,16 @@ class Absorption:
     step: Array
     jacobians: tuple[Array, ...]
 
-    def own(self, joint: int) -> Array:
-        """∂(residual of a joint)/∂x over all groups, shape (N, P)."""
-        return np.concatenate([jacobian[:, joint] for jacobian in self.jacobians])
-
     def left(self, columns: Array, joint: int) -> Array:
         """What the parameters cannot absorb of contributions (N, C) to a joint's residual."""
-        own, fitted = self.own(joint), slice(0, len(self.jacobians[0]))
+        own = np.concatenate([jacobian[:, joint] for jacobian in self.jacobians])
+        fitted, scale = (
+            slice(0, len(self.jacobians[0])),
+            1 / np.sqrt(np.maximum(np.diag(self.hessian), 1e-300)),
+        )
         right = self.weight[joint] ** 2 * own[fitted].T @ columns[fitted]
-        scale = 1 / np.sqrt(np.maximum(np.diag(self.hessian), 1e-300))
-        scaled = self.hessian * scale[:, None] * scale
-        return columns - (own * scale) @ np.linalg.solve(scaled, right * scale[:, None])
+        step = np.linalg.solve(self.hessian * scale[:, None] * scale, right * scale[:, None])
+        return columns - (own * scale) @ step
 
 
 def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Absorption:
@@ -239,15 +219,14 @@ def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Ab
     shown = parts[0].shown
     jacobians = tuple(part.point.jacobian() for part in parts)
     jacobian, residual = jacobians[0][shown], parts[0].slow[shown]
-    step = np.zeros(fit.layout.size)
     far = float(chi_square(parts[:1]).mean()) > ESTIMATION.consistent and not fit.unbiased
-    rounds = 3 if far else 0
-    for done in range(rounds + 1):
-        size = np.sqrt(np.mean((residual + jacobian @ step) ** 2, axis=0))
-        weight: Array = 1 / np.maximum(size, 1e-12 + 1e-9 * float(size.max()))
+    found = Absorption(np.ones(fit.layout.n), prior_hessian, np.zeros(fit.layout.size), jacobians)
+    for more in (far, far, far, False):
+        size = np.sqrt(np.mean((residual + jacobian @ found.step) ** 2, axis=0))
+        weight = 1 / np.maximum(size, 1e-12 + 1e-9 * float(size.max()))
         scaled = (jacobian * weight[:, None]).reshape(-1, fit.layout.size)
-        hessian = scaled.T @ scaled + prior_hessian
-        if done < rounds:
+        found = replace(found, weight=weight, hessian=scaled.T @ scaled + prior_hessian)
+        if more:
             right = gradient + scaled.T @ (residual * weight).ravel()
-            step = bounded_step(right, hessian, fit.x, start.bounds)[0]
-    return Absorption(weight, hessian, step, jacobians)
+            found = replace(found, step=bounded_step(right, found.hessian, fit.x, start.bounds)[0])
+    return found

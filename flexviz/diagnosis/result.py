@@ -47,7 +47,6 @@ class Absorbed:
     """A parameter that absorbed the missing effect and changed when the effect was added.
 
     Attributes:
-        name, joint, unit: as in the JSON contract.
         before, after: value [unit].
         deviations: change in standard errors.
     """
@@ -267,8 +266,8 @@ class Diagnosis:
         return find_parameter(self.parameters, key)
 
     def __repr__(self) -> str:
-        found = ", ".join(finding.text for finding in self.findings[:1])
-        return f"<Diagnosis of {self.set_name}: {self.verdict}{f', {found}' if found else ''}>"
+        found = "".join(f", {finding.text}" for finding in self.findings[:1])
+        return f"<Diagnosis of {self.set_name}: {self.verdict}{found}>"
 
     @property
     def typed_notes(self) -> tuple[Note, ...]:
@@ -296,9 +295,9 @@ class Diagnosis:
         def told(finding: Finding) -> Finding:
             return replace(finding, share=shares.get(finding_key(finding)))
 
-        torque = {}
+        known: dict[str, Any] = {} if self.decoys is None else {"decoys": self.decoys}
         if self.model is not None and self.torque_spread:
-            torque = {"torque": {"joints": self.model.joints, "spread": self.torque_spread}}
+            known["torque"] = {"joints": self.model.joints, "spread": self.torque_spread}
         return ResultDocument.model_validate(
             {
                 "format": 1,
@@ -313,9 +312,8 @@ class Diagnosis:
                 "free_curve": self.free_curve,
                 **curve_entries(self.parameters),
                 "guard": self.guard,
-                **torque,
+                **known,
                 "trace": self.trace,
-                **({} if self.decoys is None else {"decoys": self.decoys}),
                 "stopped": self.stopped,
                 "seconds": self.seconds,
             }
