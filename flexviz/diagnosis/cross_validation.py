@@ -130,15 +130,9 @@ def shortest_run(strength: Array) -> slice:
 
 
 def mean_and_error(index: Ints, residual: Array, bins: int, folds: Folds) -> tuple[Array, Array, Ints]:
-    """Binned mean, its standard error and the number of samples, shape (B,) each; NaN in empty bins.
+    """Mean of a residual (N,) [Nm] in each bin, its standard error, number of samples, shape (B,) each.
 
-    The standard error accounts for correlated samples by the spectrum of what the means leave.
-
-    Args:
-        index: shape (N,), bin of each sample.
-        residual: shape (N,) [Nm].
-        bins: B.
-        folds: of the residual.
+    NaN in empty bins. `index`: shape (N,). Samples are correlated: by the spectrum of what the means leave.
     """
     inside = (index[:, None] == np.arange(bins)) & (folds.fold >= 0)[:, None]
     count = inside.sum(axis=0)

@@ -27,6 +27,14 @@ BAND_HERTZ = 5.0
 
 
 @dataclass(frozen=True, eq=False)
+class Known:
+    """A model with its parameters, shape (P,)."""
+
+    layout: Layout
+    x: Array
+
+
+@dataclass(frozen=True, eq=False)
 class PredictionErrors:
     """Residuals of one model.
 
@@ -56,12 +64,7 @@ class PredictionErrors:
 
 
 class PredictionErrorBand:
-    """Signals of a set in the display band.
-
-    Attributes:
-        signals: of all groups.
-        rows: shape (N_g,) each, samples of each group.
-    """
+    """Signals of a set in the display band; `rows`: samples of each group."""
 
     def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
@@ -70,12 +73,10 @@ class PredictionErrorBand:
         self.signals = replace(made, sharp=True)
         self._shared: dict[object, Any] = {}
         self._noise = segments_noise([b.segment for b in self.signals.blocks])
-        rows: list[list[Array]] = [[] for _ in self.signals.groups]
-        for b in self.signals.blocks:
-            rows[b.group].append(np.arange(b.rows.start, b.rows.stop))
-        self.rows = {
-            g.name: np.concatenate((np.arange(0), *r)) for g, r in zip(self.signals.groups, rows, strict=True)
-        }
+        of_group = np.full(self.signals.count, -1)
+        for block in self.signals.blocks:
+            of_group[block.rows] = block.group
+        self.rows = {g.name: np.flatnonzero(of_group == k) for k, g in enumerate(self.signals.groups)}
 
     @cached_property
     def phases(self) -> Phases:
@@ -89,10 +90,9 @@ class PredictionErrorBand:
         used = np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase
 
         def rms(names: Sequence[str]) -> tuple[float, ...]:
-            rows = np.concatenate((np.arange(0), *(self.rows[name] for name in names)))
-            kept = used[rows]
-            squares = np.sum(residual[rows] ** 2 * kept, axis=0)
-            return tuple(map(float, np.sqrt(squares / np.maximum(kept.sum(axis=0), 1))))
+            rows = np.concatenate([np.arange(0), *(self.rows[name] for name in names)])
+            squares = np.sum(residual[rows] ** 2, axis=0, where=used[rows])
+            return tuple(map(float, np.sqrt(squares / np.maximum(used[rows].sum(axis=0), 1))))
 
         seen = [g for g in self.signals.groups if len(self.rows[g.name])]
         fitted, held_out = ([g.name for g in seen if g.validation == held] for held in (False, True))
@@ -104,14 +104,6 @@ class PredictionErrorBand:
             tuple(map(float, floor)),
             residual,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A model with its parameters, shape (P,)."""
-
-    layout: Layout
-    x: Array
 
 
 def prediction_errors(

@@ -199,7 +199,6 @@ class Whitening:
     Args:
         two_band: the data and the model.
         after: evaluation of an earlier fit.
-        own_error: shape (N, n), error of the band, subtracted from the residual [Nm].
         window: shape (N,), samples to use; default: all.
     """
 
@@ -208,11 +207,10 @@ class Whitening:
         two_band: TwoBandData,
         *,
         after: BandEvaluation | None = None,
-        own_error: Array | float = 0.0,
         window: Bools | None = None,
     ) -> None:
         self.two_band, self.evaluation = two_band, after
-        self._own_error, self._window = own_error, window
+        self._window = window
         self._with_instruments = True
         self._whiteners: list[Whitener] | None = None
         self._weightings: list[NoiseWeighting] | None = None
@@ -231,8 +229,6 @@ class Whitening:
             self._bias = self._instrument_bias(x, here)
         if self._weightings is None:
             self._weightings = self.two_band.weightings(here, self._whiteners)
-        if not isinstance(self._own_error, float):
-            here = replace(here, residual=here.residual - self._own_error)
         point = weighted_point(self.two_band, here, self._weightings, self._bias)
         return point if self._window is None else point.within(self._window)
 
