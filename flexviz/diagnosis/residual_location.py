@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import (
     ExplainedShare,
     Folds,
@@ -143,8 +142,10 @@ def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> lis
             used = rows.start + np.flatnonzero(part.point.used[rows])
             for half, at in enumerate(np.array_split(used, 2)):
                 if len(at) > NODES:
-                    both, rate = (part.residual[at], velocity[at]), 1 / (step * block.stride)
-                    hertz, power = sp.signal.periodogram(both, rate, "hann", detrend=False, axis=1)
+                    window, spacing = np.hanning(len(at))[:, None], step * block.stride
+                    both = np.fft.rfft(np.stack((part.residual[at], velocity[at])) * window, axis=1)
+                    power = np.abs(both) ** 2 * (2 * spacing / np.sum(window**2))
+                    hertz = np.arange(power.shape[1]) / (len(at) * spacing)
                     kept = hertz < bands
                     here, band = [path.rows(rows) for path in part.paths], hertz[kept].astype(int)
                     floor = noise_density(here, part.two_band.noise, observer.transfer, step, hertz)
