@@ -20,6 +20,7 @@ from flexviz.diagnosis.bandwidth_check import (
 )
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
+from flexviz.estimation import TwoBandData
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import FlatZeroPhase
@@ -65,7 +66,14 @@ def test_a_missing_effect_moves_what_had_absorbed_it(demo):
     assert any(text.startswith("stiffness (joint2) changes with the bandwidth") for text in found.texts())
 
 
-def test_a_band_below_the_motion_is_found_out(demo, complete, monkeypatch):
+def test_a_band_whose_products_are_wrong_is_found_out(demo, complete, monkeypatch):
+    def plain(*args) -> list[TwoBandData]:
+        bands = bandwidths(*args)
+        for band in bands:
+            band._products = None
+        return bands
+
+    monkeypatch.setattr(bandwidth_check, "bandwidths", plain)
     monkeypatch.setattr(bandwidth_check, "WIDE_HERTZ", 2.0)  # in use; friction's steps do not end there
     monkeypatch.setattr(bandwidth_check, "FACTORS", (2.0 / 14, 4.0 / 14))
     found = check_bandwidth(demo, *complete)
