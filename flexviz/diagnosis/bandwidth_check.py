@@ -77,7 +77,7 @@ def check_bandwidth(
     """Fit a model at several bandwidths.
 
     Args:
-        measurements: the measurement set; the validation groups are not used.
+        measurements: the set; its validation groups are not used.
         layout, x: the model, fitted at the bandwidth in use; x has shape (P,).
         check: called between fits; may raise to stop.
     """
@@ -87,10 +87,9 @@ def check_bandwidth(
     in_use = bands.index(used)
     start = start_values(measurements, used.narrow)
     prior, bounds = start.prior, search_bounds(start, layout)
-    common = spans(bands)
-    when = seconds(used, common)
+    common = spans(bands[0])
     # it also estimates the model error, if noise does not explain the residual
-    whitening = ModelErrorWhitening(used, window=when >= 0)
+    whitening = ModelErrorWhitening(used, window=seconds(used, common) >= 0)
     begin = solve(whitening, prior, bounds, x, iterations=STEPS, negligible=NEGLIGIBLE_STEP).point.x
     model_error = whitening.two_band.noise_model.model_error
     fits: list[BandwidthFit] = []
@@ -156,21 +155,16 @@ def bandwidths(measurements: MeasurementSet, layout: Layout, factors: Sequence[f
     return [found[key] for key in sorted(found)]
 
 
-def spans(bands: Sequence[TwoBandData]) -> Spans:
-    """First and last common instant of every stretch that all bandwidths contain [s]."""
-    out = {}
-    for key in set.intersection(*(set(stretches(band)) for band in bands)):
-        ends = np.array([band.wide.signals.time[stretches(band)[key].rows][[0, -1]] for band in bands])
-        out[key] = (float(ends[:, 0].max()), float(ends[:, 1].min()))
-    if not out:
-        raise InputError("the records are too short for these bandwidths; use higher ones")
-    return out
+def spans(narrowest: TwoBandData) -> Spans:
+    """First and last instant of every stretch of the narrowest band, which all bands contain [s]."""
+    time, rows = narrowest.wide.signals.time, {key: b.rows for key, b in stretches(narrowest).items()}
+    return {key: (float(time[r.start]), float(time[r.stop - 1])) for key, r in sorted(rows.items())}
 
 
 def seconds(band: TwoBandData, common: Spans) -> Ints:
     """Index of each sample's second within the common spans, shape (N,); −1 outside."""
     out, blocks, total = np.full(band.wide.signals.count, -1), stretches(band), 0
-    for key, (first, last) in sorted(common.items()):
+    for key, (first, last) in common.items():
         rows, count = blocks[key].rows, max(1, int(np.ceil(last - first)))
         time = band.wide.signals.time[rows]
         number = total + np.clip((time - first).astype(int), 0, count - 1)
@@ -203,7 +197,7 @@ def compared(band: TwoBandData, x: Array, other: TwoBandData, common: Spans, low
     residual = band.residual(band.wide.at(x), x)
     ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
     mine, there, out = stretches(band), stretches(other), []
-    for key, (first, last) in sorted(common.items()):
+    for key, (first, last) in common.items():
         own = mine[key]
         time = band.wide.signals.time[own.rows]
         fade = np.minimum(time - first, last - time) / min(ramp, 0.5 * (last - first))

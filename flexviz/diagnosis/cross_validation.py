@@ -49,6 +49,7 @@ def make_folds(used: Bools, stretches: Sequence[slice], gap: int) -> Folds:
     """Folds of samples (N,) whose noise is uncorrelated after `gap` samples, a third of a block."""
     found = [(rows.start, np.flatnonzero(used[rows])) for rows in stretches]
     kept = tuple(slice(int(at + i[0]), int(at + i[-1]) + 1) for at, i in found if len(i))
+    kept = kept or tuple(stretches)
     fold, block = np.full(len(used), -1), np.zeros(len(used), int)
     train, blocks = np.zeros((FOLDS, len(used)), bool), 0
     for rows in kept:

@@ -85,7 +85,7 @@ def fit_curve(
         for train in folds.train
         for own in [both[:, train]]
     ]
-    size, largest = float(np.mean(residual**2)) + 1e-300, float(np.abs(residual).max()) + 1e-300
+    size, largest = float(np.mean(residual**2)) or 1.0, float(np.abs(residual).max()) or 1.0
     precision = curve.precision(largest / SIZE)[CONSTANTS:, CONSTANTS:]
 
     def predicted(way: Array, noise: float) -> Array:

@@ -133,7 +133,7 @@ def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> lis
     The share is that of the strongest band above those of the motion and its harmonics.
     """
     observer = parts[0].two_band.wide.signals.observer
-    bands = int(np.max(observer.bandwidth) / (2 * np.pi))
+    bands = max(1, int(np.max(observer.bandwidth) / (2 * np.pi)))
     lines, sums = np.zeros((2, bands, 1)), np.zeros((2, 3, bands, len(names)))
     for part in parts:
         velocity = part.two_band.wide.signals.theta[1]
@@ -199,13 +199,7 @@ def maps_of(
 
 
 class Located(NamedTuple):
-    """Where the residual of a fit lies.
-
-    Attributes:
-        places: the joint with the largest structured residual first, each by explained share.
-        maps: of every joint and variable.
-        parts: the residuals that were looked at.
-    """
+    """Where the residual of a fit lies: the worst joint first, each by explained share; maps; residuals."""
 
     places: tuple[ResidualLocation, ...]
     maps: tuple[ResidualMap, ...]

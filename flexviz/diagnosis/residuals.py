@@ -35,8 +35,7 @@ class JointResiduals:
     """Residual of the fit groups or of the validation groups at a fit.
 
     Attributes:
-        two_band: signals.
-        point: whitened residual and instruments of the fit.
+        two_band, point: signals; whitened residual and instruments of the fit.
         residual: shape (N, n) [Nm], in the wide band, without nuisance pulses at reversals.
         slow: shape (N, n) [Nm], `residual` after a low-pass; zero if not shown. (A residual formed from
             equally low-passed signals would contain errors in their products.)
@@ -123,13 +122,10 @@ class SlowResidual:
     """Slow residual of all groups of a context, with the variables it may depend on.
 
     Attributes:
-        joints: names.
-        groups: names, in the order of the set.
+        joints, groups: names; groups in the order of the set.
         group: shape (N,), index into `groups`.
-        stretches: contiguous samples.
-        shown: shape (N,).
-        time: shape (N,) [s], within the group.
-        step: shape (N,) [s], sample step.
+        stretches: contiguous samples, of which only `shown`, shape (N,), count.
+        time, step: shape (N,), time within the group and sample step [s].
         residual: shape (N, n) [Nm]; zero if not shown.
         theta: shape (3, N, n), motor angle, velocity, acceleration [rad/s^k].
         load: shape (N, n), transmission torque [Nm].

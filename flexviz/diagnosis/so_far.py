@@ -36,13 +36,7 @@ def pace(joints: int) -> Pace:
 
 
 class Standing:
-    """Tells how the search for the missing effects stands.
-
-    Args:
-        own: the set's own model.
-        band: band in which errors are stated.
-        tell: called with the best model so far; None if nobody listens.
-    """
+    """Calls `tell` with the best model so far, from the set's `own` one on; errors are those of the band."""
 
     def __init__(
         self, own: Layout, band: PredictionErrorBand, tell: Callable[[BestSoFar], None] | None
@@ -58,11 +52,9 @@ class Standing:
             return
         self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
         errors = self.band.errors(fit)
-        rms, floor = errors.stated, errors.noise_floor
-        j = by_share(rms, self.spread)[0]
-        only = slice(j, j + 1)
-        worst = left_text(self.own.joints[only], rms[only], self.spread[only], floor[only])
-        share = percent(mean_nrms(rms, self.spread))
+        rms, j = errors.stated, by_share(errors.stated, self.spread)[0]
+        rows = (self.own.joints, rms, self.spread, errors.noise_floor)
+        worst, share = left_text(*(row[j : j + 1] for row in rows)), percent(mean_nrms(rms, self.spread))
         error = f"{errors.stated_name} error of the present model {share} of the torque; most: {worst}"
         self._tell(BestSoFar("", error))
 
