@@ -15,9 +15,10 @@ from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import FREE_CURVE_NOTE, UNITS
 from flexviz.diagnosis.residual_location import locate_residual, residual_locations
-from flexviz.diagnosis.residuals import chi_square, joint_residuals, noise_density
+from flexviz.diagnosis.residuals import chi_square, joint_residuals
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
+from flexviz.estimation import noise_density
 from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set

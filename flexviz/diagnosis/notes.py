@@ -16,7 +16,7 @@ from flexviz.diagnosis.so_far import NAMED
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.results import Note
+from flexviz.results import Note, NoteKind
 from flexviz.wording import listed, plural
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def notes(
         curve: free curve of the unexplained residual.
         bandwidths: result of the bandwidth check.
     """
-    out: list[tuple[str, str]] = []
+    out: list[tuple[NoteKind, str]] = []
     joints = final.layout.joints
     if model_error_variance is not None:
         sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
@@ -76,7 +76,8 @@ def notes(
     if own := ", ".join(e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap):
         text = f"not physics, but in the model: {own}; it stands for a law that is still unknown"
         out.append(("stopgap", text))
-    out += [("bandwidth", text) for text in (bandwidths.texts() if bandwidths is not None else ())]
+    for text in bandwidths.texts() if bandwidths is not None else ():
+        out.append(("bandwidth", text))
     return tuple(Note(kind, text) for kind, text in out)
 
 

@@ -53,8 +53,8 @@ class Standing:
         self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
         errors = self.band.errors(fit)
         rms, j = errors.stated, by_share(errors.stated, self.spread)[0]
-        rows = (self.own.joints, rms, self.spread, errors.noise_floor)
-        worst, share = left_text(*(row[j : j + 1] for row in rows)), percent(mean_nrms(rms, self.spread))
+        only, floor, share = slice(j, j + 1), errors.noise_floor, percent(mean_nrms(rms, self.spread))
+        worst = left_text(self.own.joints[only], rms[only], self.spread[only], floor[only])
         error = f"{errors.stated_name} error of the present model {share} of the torque; most: {worst}"
         self._tell(BestSoFar("", error))
 
