@@ -155,7 +155,7 @@ def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> lis
     count = np.maximum(lines.sum(axis=0), 1)
     density, floor, motion = sums.sum(axis=0) / count
     std = density * np.sqrt(2 / count)  # a Hann window correlates neighbouring lines
-    centre: Array = np.arange(bands) + 0.5
+    centre = np.linspace(0.5, bands - 0.5, bands)
     slow = np.abs(SLOW.transfer(2 * np.pi * centre, 0))[:, None] ** 2
     size = np.maximum((density * slow).sum(axis=0), 1e-300)
     moving = np.flatnonzero(np.any(motion > LIMITS.motion_share * motion.sum(axis=0), axis=1)) + 1
