@@ -4,7 +4,7 @@
     python -c TEXT PLACE FACTOR SET ...         one line of JSON for each set
 
 PLACE is a path of fields below the dataclass THRESHOLDS of flexviz.diagnosis.thresholds, as in
-"search.rounds", or a module and a name in it, as in "flexviz.diagnosis.curves:MAX_PIECES". A default of an
+"search.rounds", or a module and a name in it, as in "flexviz.diagnosis.curves:RESONANCES". A default of an
 argument keeps the value that it had when its function was made.
 """
 

@@ -104,16 +104,16 @@ CURVE = FreeCurve(
 NOTE = Note("unexplained", "what stays unexplained (Nm): joint2 0.03 (2 times the noise)")
 BANDWIDTHS = np.array([26.0, 48.0, 88.0])
 GUARD = BandwidthCheck(
-    "two bands", BANDWIDTHS, 2, JOINTS, np.full((3, 2), 0.01), np.array([0.01, 0.02]),
-    np.array([[0.0, 0.2], [0.0, 0.1], [0.0, 0.0]]), np.full((3, 2), 0.01), 26.0, np.array([False, True]),
+    BANDWIDTHS, 2, JOINTS, np.full((3, 2), 0.01), np.array([0.01, 0.02]),
+    np.array([[0.0, 0.2], [0.0, 0.1], [0.0, 0.0]]), 26.0, np.array([False, True]),
     (
         ParameterCurve(
             "stiffness", "joint1", "Nm/rad", None, np.array([1980.0, 1985.0, 1987.3]), np.full(3, 2.1), 3.5,
-            0.2, True,
+            True,
         ),
         ParameterCurve(
             "stiffness", "joint2", "Nm/rad", None, np.array([1400.0, np.nan, 1987.3]), np.full(3, 2.1), 280.0,
-            40.0, False,
+            False,
         ),
     ),
     1.5,

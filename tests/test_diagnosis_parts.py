@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.acceptance import credible, excess
-from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.candidates import credible, excess, with_effect
 from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext

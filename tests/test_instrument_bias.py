@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.bandwidths import BandwidthData, fit_refined, unfitted
+from flexviz.diagnosis.bandwidth_check import fit_band
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
@@ -198,10 +198,10 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     assert refined.converged
     check(alone, refined.place.x)
 
-    band = BandwidthData(2 * np.pi * 14, alone.wide.signals, alone.narrow, alone)
-    seconds = np.arange(band.signals.count) * 20 // band.signals.count
-    seconds[: band.signals.count // 8] = -1  # a window
-    fitted = fit_refined(band, prior, bounds, replace(unfitted(layout, start), x=start), seconds, True)
+    count = alone.wide.signals.count
+    seconds = np.arange(count) * 20 // count
+    seconds[: count // 8] = -1  # a window
+    fitted = fit_band(alone, prior, bounds, start, seconds)
     check(alone, fitted.x, seconds >= 0)
     assert (
         np.abs(fitted.influence.sum(axis=0) / fitted.covariance.standard_errors)[layout.compliance].max()

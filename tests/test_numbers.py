@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 import scipy.fft
 from scipy.interpolate import CubicSpline
-from scipy.stats import chi2
 
 from flexviz.effects.free_curve import NODES, _cardinal
 from flexviz.fourier import quick_length
-from flexviz.statistics import chi_square_tail
 
 
 def test_quick_lengths_are_those_of_scipy() -> None:
@@ -20,13 +18,6 @@ def test_quick_lengths_are_those_of_scipy() -> None:
     assert [quick_length(n) for n in counts] == [scipy.fft.next_fast_len(n, real=True) for n in counts]
     number: Any = np.int64(1021)  # has no bit_length
     assert quick_length(number) == 1024
-
-
-@pytest.mark.parametrize("degrees", [1, 3, 25])
-def test_the_tail_of_chi_square_is_that_of_scipy(degrees: int) -> None:
-    values = [0.0, 1e-9, 0.3, 7.0, 25.0, 300.0, 5000.0]
-    found = [chi_square_tail(value, degrees) for value in values]
-    assert found == pytest.approx(chi2.sf(values, degrees), rel=1e-11, abs=0)
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])

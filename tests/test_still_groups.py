@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.still_groups import without_still_groups
+from flexviz.diagnosis.notes import without_still_groups
 from flexviz.measurements import Group, MeasurementSet
 
 

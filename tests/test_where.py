@@ -9,19 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
 
-from flexviz.diagnosis.cross_validation import explained, make_folds, mean_and_error
-from flexviz.diagnosis.curves import Splines
+from flexviz.diagnosis.cross_validation import explained, explained_in_time, make_folds, mean_and_error
+from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.records import FREE_CURVE_NOTE, UNITS
-from flexviz.diagnosis.residual_location import maps, residual_locations
-from flexviz.diagnosis.residuals import joint_residuals, noise_density
-from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
+from flexviz.diagnosis.residual_location import locate_residual, residual_locations
+from flexviz.diagnosis.residuals import chi_square, joint_residuals
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
-from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
+from flexviz.estimation import noise_density
 from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
@@ -29,6 +26,7 @@ from flexviz.observers import ButterworthZeroPhase
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
 STRETCHES = [slice(440 * k, 440 * (k + 1)) for k in range(4)]
+GAPS = {0.0: 3, 0.5: 5, 0.9: 30}  # [samples] after which noise is uncorrelated
 EVERYTHING = ["coulomb_friction:joint2"]  # what the demonstration's robot has
 
 Array = np.ndarray
@@ -118,10 +116,10 @@ def test_noise_explains_nothing(pole):
     shares = []
     for _ in range(120):
         noise = coloured(rng, pole)
-        folds = make_folds(noise, used, STRETCHES)
+        folds = make_folds(used, STRETCHES, GAPS[pole])
         group = np.repeat(np.arange(4), 440)
-        window = folds.window + 20 * group
-        shares.append([explained(which, noise, folds).share for which in (index, group, window)])
+        by_bin = [explained(which, noise, folds).share for which in (index, group)]
+        shares.append([*by_bin, explained_in_time(noise, folds).share])
     mean, error = np.mean(shares, axis=0), np.std(shares, axis=0) / np.sqrt(len(shares))
     assert np.all(np.abs(mean) < 3 * error + 1e-3), (mean, error)
     assert np.all(np.abs(mean) < 0.02)
@@ -134,7 +132,7 @@ def test_neighbours_may_not_explain_each_other():
     shares = []
     for _ in range(40):
         noise = coloured(rng, 0.9)
-        folds = make_folds(noise, used, STRETCHES)
+        folds = make_folds(used, STRETCHES, 8)
         touching = replace(folds, train=np.array([folds.fold != k for k in range(len(folds.train))]))
         window = np.arange(len(noise)) // 8
         shares.append(explained(window, noise, touching).share)
@@ -152,7 +150,7 @@ def test_share_of_a_curve(pole):
         noise = coloured(rng, pole)
         noise *= 1.5 * curve.std() / noise.std()
         residual = curve + noise
-        found = explained(index, residual, make_folds(residual, np.ones(len(curve), bool), STRETCHES))
+        found = explained(index, residual, make_folds(np.ones(len(curve), bool), STRETCHES, GAPS[pole]))
         shares.append(found.share)
         true.append(np.sum(curve**2) / np.sum(residual**2))
         stds.append(found.std)
@@ -169,7 +167,7 @@ def test_error_of_a_binned_mean_knows_the_autocorrelation(pole):
     squares, naive = [], []
     for _ in range(60):
         noise = coloured(rng, pole)
-        folds = make_folds(noise, np.ones(len(noise), bool), STRETCHES)
+        folds = make_folds(np.ones(len(noise), bool), STRETCHES, GAPS[pole])
         mean, std, count = mean_and_error(index, noise, 24, folds)
         squares.append(np.mean((mean / std) ** 2))
         naive.append(np.mean(mean**2 * count) / noise.var())
@@ -194,46 +192,10 @@ def test_density_of_the_floor_holds_all_of_the_noise(clean):
 
 
 def test_a_complete_model_is_at_the_floor(clean):
-    for s in spectra(*clean):
-        assert 0.8 < s.chi_square < 1.15 and abs(s.above) < 0.1
-        inside = s.frequency < 14.0
-        assert np.median((s.density / s.floor)[inside]) == pytest.approx(1.0, abs=0.2)
-
-
-def test_whiteness_of_noise(clean):
-    """Spectra of noise at its floor give evenly spread p-values, those of another colour small ones."""
-    rng = np.random.default_rng(4)
-    context, fit = clean
-    parts = joint_residuals(context, fit)
-    part = parts[0]
-    block = part.two_band.blocks[0]
-    observer = part.two_band.wide.signals.observer
-    values: dict[float, list[float]] = {1.0: [], 0.6: []}
-    sigma = 2e-5
-    for bandwidth in values:
-        for _ in range(25):
-            raw = sigma * rng.standard_normal((len(block.segment.time), 1))
-            made = type(observer)(observer.bandwidth * bandwidth)
-            noise = made.derivatives(raw, block.segment.step, 3, stride=block.stride)[2, 40:-40]
-            step = block.segment.step * block.stride
-            hertz, power = periodogram(noise, step)
-            inside = (hertz > 0.2) & (hertz < 18)
-            way = NoisePath(0, np.zeros(1, int), np.ones((1, 1, 1, 1)), NoiseDerivatives((2,), (0.0,)))
-            scale = np.full(1, sigma), np.zeros(1)
-            floor = noise_density([way], scale, observer.transfer, block.segment.step, hertz)
-            ratio = power[inside] / floor[inside]
-            values[bandwidth].append(float(whiteness(ratio, hertz[inside], 18.0)[1][0]))
-    right, wrong = np.array(values[1.0]), np.array(values[0.6])
-    assert 0.3 < right.mean() < 0.7 and np.mean(right < 0.05) <= 0.2
-    assert np.all(wrong < 1e-3)
-
-
-def test_an_incomplete_model_is_above_it_and_not_white(patched):
-    other, lacking = spectra(*patched)
-    assert lacking.joint == "joint2" and lacking.chi_square > 100 and lacking.p_value < 1e-6
-    assert lacking.above > 0.99 and lacking.rms > 10 * lacking.noise_floor
-    # a joint is judged by its own residual: the other one does not suffer
-    assert other.chi_square < 0.1 * lacking.chi_square
+    found = locate_residual(*clean)
+    assert np.all((chi_square(found.parts) > 0.8) & (chi_square(found.parts) < 1.15))
+    for one in (m for m in found.maps if m.variable == "frequency"):
+        assert np.median(one.mean[0] / one.mean[1]) == pytest.approx(1.0, abs=0.1)
 
 
 # -- places ---------------------------------------------------------------------
@@ -255,7 +217,7 @@ def test_a_hidden_torque_is_placed(demo, joint, law, variable, inside):
 def test_position_and_direction_together(patched):
     first = residual_locations(*patched)[0]
     assert (first.joint, first.variable) == ("joint2", "position") and first.explained > 0.7
-    by_name = {m.variable: m for m in maps(*patched) if m.joint == "joint2"}
+    by_name = {m.variable: m for m in locate_residual(*patched).maps if m.joint == "joint2"}
     both = by_name["position × direction"]
     assert by_name["position"].explained < 0.1 < both.explained - by_name["velocity"].explained
     assert both.curves == ("forward", "backward")
@@ -276,7 +238,9 @@ def test_a_contact_has_a_time_and_a_group(demo):
     first = residual_locations(context, fit)[0]
     assert (first.joint, first.variable) == ("joint2", "time")
     assert first.range[0] < 5.9 < first.range[1] and first.range[1] - first.range[0] < 5.0
-    by_time = next(m for m in maps(context, fit) if (m.joint, m.variable) == ("joint2", "time"))
+    by_time = next(
+        m for m in locate_residual(context, fit).maps if (m.joint, m.variable) == ("joint2", "time")
+    )
     assert max(by_time.explained_by_group, key=lambda g: by_time.explained_by_group[g]) == name
 
 
@@ -286,16 +250,14 @@ def test_a_complete_model_has_no_place(clean):
     )
 
 
-def test_maps_have_every_variable_and_one_group_alone(clean):
-    found = maps(*clean)
-    assert [(m.joint, m.variable) for m in found] == [(j, v) for j in ("joint1", "joint2") for v in UNITS]
+def test_maps_have_every_variable(clean):
+    found = locate_residual(*clean).maps
+    assert sorted((m.joint, m.variable) for m in found) == sorted(
+        (j, v) for j in ("joint1", "joint2") for v in UNITS
+    )
     for m in found:
         assert m.centres.shape == m.mean.shape == m.std.shape == m.count.shape
         assert m.mean.shape[0] == len(m.curves)
-    name = clean[0].measurements.groups[0].name
-    alone = maps(*clean, group=name)
-    of_time = next(m for m in alone if m.variable == "time")
-    assert np.all(of_time.count[1:] == 0) and of_time.count[0].sum() > 300
 
 
 # -- free-form curve ------------------------------------------------------------
@@ -344,18 +306,3 @@ def test_practice(case):
     assert (first.joint, first.variable) == (truth["joint"], "position")
     reach = 2 * truth["parameters"]["width"]
     assert abs(np.mean(first.range) - truth["parameters"]["position"]) < reach
-
-
-@pytest.mark.parametrize("degree", [1, 3])
-@pytest.mark.parametrize("same", [0, 2])
-def test_splines_are_those_of_scipy(degree: int, same: int) -> None:
-    inner = np.sort(np.random.default_rng(degree).uniform(-1.0, 2.0, 9))
-    inner[9 - same :], inner[3 : 3 + same] = inner[-1], inner[3]  # where many values are the same
-    knots = np.r_[np.full(degree, inner[0]), inner, np.full(degree, inner[-1])]
-    values = np.r_[np.linspace(-1.5, 2.5, 300), inner]
-    design = Splines(knots, degree).design(values, np.ones(len(values)))
-    inside = np.clip(values, inner[0], np.nextafter(inner[-1], inner[0]))  # constant beyond
-    expected = np.nan_to_num(BSpline.design_matrix(inside, knots, degree).toarray())
-    np.testing.assert_allclose(design, expected, atol=1e-14)
-    sided = Splines(knots, degree, 2).design(values, np.where(values > 0, 1.0, -1.0))
-    np.testing.assert_allclose(sided[values > 0], np.hstack((expected, 0 * expected))[values > 0], atol=1e-14)

@@ -1,10 +1,9 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.curve_draft import CurveDraft, draft_from_curve
-from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
+from flexviz.diagnosis.curve_step import CurveDraft, draft_from_curve, why_no_curve, with_free_curve
+from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.pipeline import diagnose
 from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, errors_along, prediction_errors
 from flexviz.diagnosis.records import (

@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import credible
-from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.candidates import candidates, credible
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.model_family import ModelFamily

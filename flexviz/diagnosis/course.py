@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexviz.diagnosis import stages
+from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.fine import Fine, FineModel

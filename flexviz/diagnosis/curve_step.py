@@ -1,26 +1,28 @@
-"""A free curve as a further step of a diagnosis that ended with "unknown": not physics."""
+"""The free curve of a diagnosis that ended with "unknown", as a further step or as a draft of an effect."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis import stages
+from flexviz.diagnosis import so_far as stages
+from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, curve_finding, effect_values, made_step
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.effects import ChosenEffect, free_curve
+from flexviz.effects import EFFECTS, ChosenEffect, CurveForm, draft_effect, free_curve
 from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.results import curve_tables
 from flexviz.wording import percent
 
 # kinds of notes that are renewed, or are of the model without the curve
@@ -68,10 +70,10 @@ def with_free_curve(
         raise InputError(f"no free curve is added: {why}")
     curve, model = diagnosis.free_curve, diagnosis.model
     assert curve is not None and model is not None
+    joints, tell_nothing = measurements.joints, partial(tell, "")
     with threadpool_limits(1, "blas"):
-        joints = measurements.joints
         own = Layout(joints, tuple(ChosenEffect.of(value, joints) for value in model.effects))
-        context = MotionContext(measurements, joints)
+        context, band = MotionContext(measurements, joints), PredictionErrorBand(measurements)
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
@@ -79,42 +81,68 @@ def with_free_curve(
         fits: list[MotionFit] = []
         for name in curve.effects:
             layout = Layout(joints, (*own.effects, ChosenEffect(name, joints.index(curve.joint))))
-            fits.append(context.fit(layout, layout.vector(model), check=lambda: tell("")))
-        return _extended(measurements, diagnosis, before, min(fits, key=lambda fit: fit.objective), tell)
+            fits.append(context.fit(layout, layout.vector(model), check=tell_nothing))
+        after = min(fits, key=lambda fit: fit.objective)
+        layout = after.layout
+        first, last = (
+            Stair(added, fit.layout, fit.x, fit.covariance, band.errors(fit, context.first_phase))
+            for added, fit in ((None, before), (layout.effects[-1], after))
+        )
+        tell(stages.LOCATION)
+        at_noise = FitContext(measurements, layout)
+        fit = at_noise.fit(layout, after.x, iterations=0)
+        places, maps, parts = locate_residual(at_noise, fit)
+        left, prior = fit_free_curve(at_noise, fit, places[0], parts), context.start(layout).prior
+        kept = (note for note in diagnosis.notes if note.kind not in OLD_NOTES)
+        step = made_step(curve_finding(first, last, band), last, last.errors, "unknown")
+        return replace(
+            diagnosis,
+            where=places,
+            steps=(*diagnosis.steps, step),
+            effects=effect_values(after, last.covariance.standard_errors),
+            parameters=parameter_estimates(
+                layout, after.x, prior.centre, after.covariance, after.at_bound, prior
+            ),
+            notes=(*kept, *notes(fit, "unknown", last.errors, None, left, None)),
+            model=layout.model(after.x),
+            maps=maps,
+            free_curve=left,
+            guard=None,
+        )
 
 
-def _extended(
-    measurements: MeasurementSet,
-    diagnosis: Diagnosis,
-    before: MotionFit,
-    after: MotionFit,
-    tell: Callable[[str], None],
-) -> Diagnosis:
-    """The diagnosis with the model of `after` as its last step."""
-    layout, context = after.layout, after.context
-    band = PredictionErrorBand(measurements)
-    phase = context.first_phase
-    first = Stair(None, before.layout, before.x, before.covariance, band.errors(before, phase))
-    last = Stair(layout.effects[-1], layout, after.x, after.covariance, band.errors(after, phase))
-    finding = curve_finding(first, last, band)
-    tell(stages.LOCATION)
-    at_noise = FitContext(measurements, layout)
-    fit = at_noise.fit(layout, after.x, iterations=0)
-    places, maps, parts = locate_residual(at_noise, fit)
-    left = fit_free_curve(at_noise, fit, places[0], parts)
-    prior = context.start(layout).prior
-    kept = (note for note in diagnosis.notes if note.kind not in OLD_NOTES)
-    return replace(
-        diagnosis,
-        where=places,
-        steps=(*diagnosis.steps, made_step(finding, last, last.errors, "unknown")),
-        effects=effect_values(after, last.covariance.standard_errors),
-        parameters=parameter_estimates(
-            layout, after.x, prior.centre, after.covariance, after.at_bound, prior
-        ),
-        notes=(*kept, *notes(fit, "unknown", last.errors, None, left, None)),
-        model=layout.model(after.x),
-        maps=maps,
-        free_curve=left,
-        guard=None,
-    )
+@dataclass(frozen=True)
+class CurveDraft:
+    """A drafted effect file.
+
+    Attributes:
+        form: the simple law.
+        joint: where the curve was found.
+        content: of the file, a Python program.
+    """
+
+    form: CurveForm
+    joint: str
+    content: str
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+        return f"{self.form.kind}_of_{self.form.variable}.py"
+
+
+def draft_from_curve(diagnosis: Diagnosis) -> CurveDraft | None:
+    """The effect drafted from the last free curve of the model, or else from that of the residual.
+
+    None if there is no curve, or none that resembles a simple law.
+    """
+    for table in reversed(curve_tables(diagnosis.parameters)):
+        form = table.simple_form()
+        if form is not None and table.joint is not None:
+            link = EFFECTS[table.effect].where == "link"
+            return CurveDraft(form, table.joint, draft_effect(form, table.joint, diagnosis.set_name, link))
+    curve = diagnosis.free_curve
+    form = curve.simple_form() if curve is not None and curve.form else None
+    if curve is None or form is None or not curve.effects:
+        return None
+    return CurveDraft(form, curve.joint, draft_effect(form, curve.joint, diagnosis.set_name))

@@ -1,203 +1,159 @@
-"""Free curves: a torque as a spline of one joint variable, and its response in the residual.
+"""Free curves of a residual: what follows one variable of a joint, in cross-validation, and the curve itself.
 
-A torque u on the motor of a flexible joint changes the residual by about u + κ ü with κ = M/K: slow
+The curve is a smooth torque u on the motor, with the nodes and the prior of the effect `FreeCurveEffect`, as
+large as the residual. It changes the residual of a flexible joint by about u + κ ü with κ = M/K: slow
 components keep their sign, those above the frequency 1/√κ are inverted and amplified. κ is chosen by the
 data, because the stiffness of an incomplete model may be far off. The response is low-passed like the
-residual.
+residual. A curve that is drawn stands for what no effect of the library explains: a stopgap, not a model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction
-from flexviz.diagnosis.records import DIRECTED
-from flexviz.diagnosis.residuals import SLOW, SlowResidual
-from flexviz.interpolation import CubicInterpolation
+from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction, make_folds
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, FreeCurve
+from flexviz.diagnosis.residuals import (
+    SLOW,
+    Absorption,
+    JointResiduals,
+    SlowResidual,
+    absorption,
+    joint_residuals,
+    samples,
+)
+from flexviz.diagnosis.result import ResidualLocation
+from flexviz.effects import FreeCurveEffect, free_curve
+from flexviz.effects.free_curve import CONSTANTS, NODES, SIZE
+from flexviz.estimation import sandwich, score_covariance
 
 Array = NDArray[np.float64]
 
-MAX_PIECES = 24  # of a curve
-MIN_SAMPLES_PER_PIECE = 40  # on average
-TEST_PIECES = 14  # of a curve that effects are compared with
-OVERSAMPLING = 3  # of the curve relative to the equation's samples
-REVERSAL_VELOCITY = 0.005  # [rad/s] width of the transition between directions
+BASES = {DIRECTED: "free_curve_direction", "velocity": "free_curve_velocity"}  # else a curve of one branch
+CURVED = ("position", DIRECTED, "velocity", "acceleration", "load", "time")
+
+
 RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)  # 1/(2π√κ) [Hz]; the first is a rigid joint
-KAPPAS = tuple(1 / (2 * np.pi * f) ** 2 for f in RESONANCES)  # κ [s²]
-SMOOTHNESS, RIDGE = 0.03, 0.5  # penalties [samples] on differences of neighbouring hats and on their values
 
 
 @dataclass(frozen=True)
-class Splines:
-    """B-splines of one variable, once per direction of motion.
+class CurveFit:
+    """A curve fitted to one joint's residual.
 
     Attributes:
-        knots: shape (B + degree + 1,), for B splines.
-        degree: 1 for hat functions, 3 for cubic splines.
-        sides: 2 if the curve may jump at a reversal of motion, else 1.
+        curve: its splines.
+        ends: lower and upper end of their range.
+        columns: shape (N, C), response to the torque at each node.
+        coefficients: shape (C,), torque at the nodes [Nm].
+        precision: shape (C, C), of their prior [1/Nm²].
+        noise: variance of an independent sample of what the curve leaves [Nm²].
+        found: share explained out of sample.
     """
 
-    knots: Array
-    degree: int
-    sides: int = 1
-
-    @property
-    def size(self) -> int:
-        """Number of coefficients, ordered by direction."""
-        return self.sides * (len(self.knots) - self.degree - 1)
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """Range of the variable; the curve is constant beyond."""
-        return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
-
-    def design(self, value: Array, velocity: Array) -> Array:
-        """Design matrix at M instants, shape (M, size)."""
-        low, high = self.range
-        inside = np.clip(value, low, np.nextafter(high, low))  # knots may coincide at the end
-        one = _design(inside, self.knots, self.degree)
-        if self.sides == 1:
-            return one
-        forward = 0.5 * (1 + np.tanh(velocity / REVERSAL_VELOCITY))[:, None]
-        return np.hstack((one * forward, one * (1 - forward)))
-
-    def penalty(self, order: int) -> Array:
-        """Squared differences of neighbouring coefficients, shape (size, size)."""
-        difference: Array = np.diff(np.eye(self.size // self.sides), order, axis=0)
-        return np.kron(np.eye(self.sides), difference.T @ difference).astype(np.float64)
+    curve: FreeCurveEffect
+    ends: Array
+    columns: Array
+    coefficients: Array
+    precision: Array
+    noise: float
+    found: ExplainedShare
 
 
-def _design(value: Array, knots: Array, degree: int) -> Array:
-    """B-splines at values within their range, shape (M, B) (Piegl, Tiller: The NURBS Book, algorithm A2.2).
-
-    SciPy's takes half a second to load.
-    """
-    count = len(knots) - degree - 1
-    at = np.clip(np.searchsorted(knots, value, side="right") - 1, degree, count - 1)
-    own = np.zeros((len(value), degree + 1))  # those that are not zero, the last begins at knot `at`
-    own[:, 0] = 1.0
-    for order in range(1, degree + 1):
-        carried = np.zeros(len(value))
-        for i in range(order):
-            before, after = knots[at + 1 - order + i], knots[at + 1 + i]
-            part = own[:, i] / (after - before)
-            own[:, i] = carried + (after - value) * part
-            carried = (value - before) * part
-        own[:, order] = carried
-    out = np.zeros((len(value), count))
-    np.put_along_axis(out, at[:, None] + np.arange(-degree, 1), own, axis=1)
-    return out
-
-
-def piece_count(samples: int, sides: int) -> int:
-    """Number of pieces that the samples can determine."""
-    return int(np.clip(samples // (MIN_SAMPLES_PER_PIECE * sides), 4, MAX_PIECES))
-
-
-def hat_functions(values: Array, name: str) -> Splines:
-    """Piecewise linear; knots midway between equally spaced and equally filled; values of shape (N,)."""
-    sides = 2 if name in (DIRECTED, "velocity") else 1
-    share = np.linspace(0, 1, piece_count(len(values), sides))
-    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-    knots = 0.5 * (np.quantile(values, share) + low + share * (high - low)) if len(values) else share
-    knots = knots + np.linspace(0, 1e-9 + 1e-6 * (high - low), len(share))
-    return Splines(np.r_[knots[:1], knots, knots[-1:]], 1, sides)
-
-
-def uniform_splines(values: Array, sides: int) -> Splines:
-    """Cubic, equally spaced over the range of the values, shape (N,)."""
-    pieces = piece_count(len(values), sides)
-    low, high = float(values.min()), float(values.max())
-    knots: Array = low + max(high - low, 1e-9) / pieces * np.arange(-3.0, pieces + 4.0)
-    return Splines(knots, 3, sides)
-
-
-def equally_filled_splines(values: Sequence[Array]) -> Splines:
-    """Cubic, with the same number of samples in each piece; `values` per stretch."""
-    together = np.concatenate(values)
-    low, high = np.quantile(together, [0.001, 0.999])
-    inner = np.quantile(together, np.linspace(0, 1, TEST_PIECES - 2)[1:-1])
-    width = max(float(high - low), 1e-12)
-    knots = np.concatenate(([low] * 4, np.clip(inner, low, high), [low + width] * 4))
-    return Splines(np.maximum.accumulate(knots), 3)
-
-
-@dataclass(frozen=True)
-class CurveEquations:
-    """Normal equations of a curve's coefficients for any κ."""
-
-    torque: Array
-    mixed: Array
-    curvature: Array
-    torque_right: Array
-    curvature_right: Array
-
-    def matrix(self, kappa: float) -> Array:
-        """Shape (size, size)."""
-        return self.torque + kappa * (self.mixed + self.mixed.T) + kappa**2 * self.curvature
-
-    def right(self, kappa: float) -> Array:
-        """Shape (size,)."""
-        return self.torque_right + kappa * self.curvature_right
-
-
-@dataclass(frozen=True)
-class CurveResponse:
-    """Response of the slow residual to every spline: torque u and curvature ü, shape (N, size) each.
-
-    Both are zero where the residual is not shown.
-    """
-
-    torque: Array
-    curvature: Array
-
-    def normal(self, residual: Array, train: NDArray[np.bool_]) -> CurveEquations:
-        """Normal equations from the samples `train`, shape (N,)."""
-        a, b, r = self.torque[train], self.curvature[train], residual[train]
-        return CurveEquations(a.T @ a, a.T @ b, b.T @ b, a.T @ r, b.T @ r)
-
-    def columns(self, kappa: float, rows: NDArray[np.bool_] | slice = slice(None)) -> Array:
-        """Response u + κ ü at some samples, shape (N', size)."""
-        return self.torque[rows] + kappa * self.curvature[rows]
-
-
-def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splines) -> CurveResponse:
-    """Response to a torque on a joint that depends on `values`, shape (N,)."""
-    velocity = data.theta[1, :, joint]
-    out = np.zeros((2, len(values), splines.size))
+def fit_curve(
+    data: SlowResidual, folds: Folds, joint: int, variable: str, model: Absorption | None = None
+) -> CurveFit:
+    """Curve of a joint's residual against one of its variables; `model` absorbs a part of the curve."""
+    curve = free_curve(BASES.get(variable, "free_curve_position"))
+    assert curve is not None
+    residual, values = data.residual[:, joint], data.variable(variable, joint)
+    seen = values[data.shown] if data.shown.any() else np.zeros(1)
+    low, high = (0.0, np.abs(seen).max()) if variable == "velocity" else (seen.min(), seen.max())
+    ends = np.array([low, high], float)
+    both = np.zeros((2, len(residual), NODES * curve.sides))  # of u and of ü
     for rows in data.stretches:
-        count = rows.stop - rows.start
-        if not data.shown[rows].any():
-            continue
-        fine = np.arange((count - 1) * OVERSAMPLING + 1) / OVERSAMPLING
-        between = CubicInterpolation(np.arange(float(count)), fine)
-        design = splines.design(between.read(values[rows])[0], between.read(velocity[rows])[0])
-        step = float(data.step[rows.start]) / OVERSAMPLING
-        out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING, every=2)
-    out[:, ~data.shown] = 0.0
-    return CurveResponse(*out)
+        if data.shown[rows].any():
+            design = curve.design(values[rows], data.theta[1, rows, joint], ends)
+            both[:, rows] = SLOW.derivatives(design, float(data.step[rows.start]), 3)[::2]
+    both = both if model is None else np.stack([model.left(columns, joint) for columns in both])
+    both *= data.shown[:, None]
+    normal = [
+        (np.tensordot(own, own, (1, 1)), np.tensordot(own, residual[train], (1, 0)))
+        for train in folds.train
+        for own in [both[:, train]]
+    ]
+    size, largest = float(np.mean(residual**2)) or 1.0, float(np.abs(residual).max()) or 1.0
+    precision = curve.precision(largest / SIZE)[CONSTANTS:, CONSTANTS:]
+
+    def predicted(way: Array, noise: float) -> Array:
+        prediction = np.zeros(len(residual))
+        for k, (gram, right) in enumerate(normal):
+            own = np.einsum("a,aibj,b->ij", way, gram, way) + folds.gap * noise * precision
+            test = folds.fold == k
+            prediction[test] = np.tensordot(way, both[:, test], 1) @ np.linalg.solve(own, way @ right)
+        return prediction
+
+    def left(prediction: Array) -> float:
+        return float(np.mean((residual - prediction) ** 2) + 1e-9 * size)
+
+    ways = [np.array([1.0, (2 * np.pi * hertz) ** -2]) for hertz in RESONANCES]
+    # the prior counts relative to what the curve before leaves out of sample
+    noise = left(predicted(ways[0], size))
+    way = min(ways, key=lambda way: left(predicted(way, noise)))
+    for _ in range(2):
+        noise = left(prediction := predicted(way, noise))
+    columns = np.tensordot(way, both, 1)
+    hessian = columns.T @ columns + folds.gap * noise * precision
+    coefficients = np.asarray(np.linalg.solve(hessian, columns.T @ residual), float)
+    found = explained_by_prediction(prediction, residual, folds)
+    return CurveFit(curve, ends, columns, coefficients, precision, folds.gap * noise, found)
 
 
-def explained_by_curve(data: SlowResidual, folds: Folds, joint: int, name: str) -> ExplainedShare:
-    """Out-of-sample share of a joint's residual explained by a free curve of one of its variables."""
+def fit_free_curve(
+    context: FitContext, fit: Fit, place: ResidualLocation, parts: list[JointResiduals] | None = None
+) -> FreeCurve:
+    """Curve of a joint's residual against the variable of a location.
+
+    A group or a frequency is replaced by the variable of the joint that explains most. Against position there
+    is one curve per direction if this explains clearly more. `parts`: the residuals, if they are known.
+    """
+    parts = joint_residuals(context, fit) if parts is None else parts
+    data, joint = samples(context, fit, parts), fit.layout.joints.index(place.joint)
     residual = data.residual[:, joint]
-    values = data.variable("position" if name == DIRECTED else name, joint)
-    splines = hat_functions(values[data.shown], name)
-    response = curve_response(data, joint, values, splines)
-    penalty = SMOOTHNESS * folds.gap * splines.penalty(1) + RIDGE * np.eye(splines.size)
-    prediction = np.zeros(len(residual))
-    for k, train in enumerate(folds.train):
-        normal = response.normal(residual, train)
-        fits = []
-        for kappa in KAPPAS:
-            right = normal.right(kappa)
-            coefficients = np.linalg.solve(normal.matrix(kappa) + penalty, right)
-            fits.append((float(right @ coefficients), kappa, coefficients))
-        _, kappa, coefficients = max(fits, key=lambda fit: fit[0])
-        test = folds.fold == k
-        prediction[test] = response.columns(kappa, test) @ coefficients
-    return explained_by_prediction(prediction, residual, folds)
+    folds = make_folds(data.shown, data.stretches, data.cycle)
+    model = None if fit.unbiased else absorption(context, fit, parts)
+    wanted = [v for v in CURVED if v.split()[0] == place.variable] or CURVED
+    tried = {v: fit_curve(data, folds, joint, v, model) for v in wanted}
+    variable = max(tried, key=lambda v: tried[v].found.share - DIRECTION_GAIN * (v == DIRECTED))
+    best, values = tried[variable], data.variable(variable, joint)
+    rest = (residual - best.columns @ best.coefficients) / np.sqrt(best.noise)
+    columns = best.columns / np.sqrt(best.noise)
+    score = score_covariance(rest[:, None], columns[:, None], folds.stretches)
+    covariance = sandwich(columns.T @ columns, score, best.precision).matrix
+    low, high = best.ends
+    centres: Array = np.linspace(-high if variable == "velocity" else low, high, best.columns.shape[1])
+    value, std = np.full((2, best.curve.sides, len(centres)), np.nan)
+    for side, direction in enumerate((1.0, -1.0)[: best.curve.sides]):
+        seen = data.shown & ((direction * data.theta[1, :, joint] > 0) | (best.curve.sides == 1))
+        if seen.any():
+            at = (centres >= values[seen].min()) & (centres <= values[seen].max())
+            design = best.curve.design(centres[at], np.full(int(at.sum()), direction), best.ends)
+            value[side, at] = design @ best.coefficients
+            std[side, at] = np.sqrt(np.einsum("mi,ij,mj->m", design, covariance, design))
+    curve = FreeCurve(
+        joint=place.joint,
+        variable=variable.split()[0],
+        unit=UNITS[variable],
+        directions=DIRECTIONS if best.curve.sides == 2 else ("",),
+        centres=centres,
+        value=value,
+        std=std,
+        explained=best.found.share,
+        explained_std=best.found.std,
+        smoothing=best.noise,
+    )
+    form = curve.simple_form() if curve.certain else None
+    return replace(curve, form=form.text if form else "")

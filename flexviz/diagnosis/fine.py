@@ -8,11 +8,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import credible, excess
-from flexviz.diagnosis.candidates import ModelStart, candidates, is_episode, with_effect, without_effect
+from flexviz.diagnosis.candidates import (
+    candidates,
+    credible,
+    excess,
+    is_episode,
+    with_effect,
+    without_effect,
+)
 from flexviz.diagnosis.criterion import Residuals, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring
 from flexviz.diagnosis.search import Candidate
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -114,7 +121,7 @@ class Fine(Resolution[Fit]):
         best = min(trials, key=lambda m: m.fit.objective)
         return best if best.fit.converged else self.fit(best.layout, best.fit.x, FULL, best.fit)
 
-    def starts(self, fit: Fit, scored: ScoredCandidate) -> list[ModelStart]:
+    def starts(self, fit: Fit, scored: ScoredCandidate) -> list[Known]:
         """The model with one more effect: at its score's values, and at those that the effect provides.
 
         A stiffness that has absorbed part of an elastic effect hides it from the score, and a wrong friction
@@ -130,7 +137,7 @@ class Fine(Resolution[Fit]):
             x = first.x.copy()
             x[first.layout.effect_slices()[-1][1]] = hidden.values
             x[first.layout.compliance.start + joint] = hidden.compliance
-            found.append(ModelStart(first.layout, x))
+            found.append(Known(first.layout, x))
         return found
 
     def swaps(self, model: FineModel) -> Iterable[Callable[[FineModel], FineModel]]:

@@ -1,8 +1,9 @@
-"""Notes that accompany a verdict."""
+"""Notes that accompany a verdict, and held-out groups that judge nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +12,23 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
+from flexviz.diagnosis.so_far import NAMED
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
-from flexviz.equation import Layout
-from flexviz.results import Note
-from flexviz.wording import listed
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.results import Note, NoteKind
+from flexviz.wording import listed, plural
 
-RMS_RATIO_EXPLAINED = 5.0  # rms relative to the noise floor above which "nothing-missing" needs a note
+Array = NDArray[np.float64]
+
+LIMITS, STILL = THRESHOLDS.evidence, THRESHOLDS.standstill
 
 
 def notes(
     final: Fit,
     verdict: str,
     errors: PredictionErrors,
-    model_error_variance: NDArray[np.float64] | None,
+    model_error_variance: Array | None,
     curve: FreeCurve | None,
     bandwidths: BandwidthCheck | None,
 ) -> tuple[Note, ...]:
@@ -32,40 +36,35 @@ def notes(
 
     Args:
         final: final model.
-        verdict: verdict on the final model.
-        errors: residuals of the final model.
+        verdict: verdict on it.
+        errors: its residuals.
         model_error_variance: shape (n,) [Nm²], allowed in the search; None if there was none.
         curve: free curve of the unexplained residual.
         bandwidths: result of the bandwidth check.
     """
-    out: list[Note] = []
+    out: list[tuple[NoteKind, str]] = []
     joints = final.layout.joints
     if model_error_variance is not None:
         sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
-        text = (
-            "no model reaches the measurement noise: effects were accepted by the error of held-out groups, "
-            f"allowing for a model error of (Nm) {sizes}"
-        )
-        out.append(Note("model-error", text))
-    floor = np.maximum(np.array(errors.noise_floor), 1e-300)
-    rms = np.array(errors.rms_validation or errors.rms)
+        text = "no model reaches the measurement noise: effects were accepted by the error of held-out groups"
+        out.append(("model-error", f"{text}, allowing for a model error of (Nm) {sizes}"))
+    floor, rms = np.maximum(errors.noise_floor, 1e-300), np.array(errors.stated)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > RMS_RATIO_EXPLAINED * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > LIMITS.deviations * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         text = (
             f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "
             "reversals and backlash crossings: it includes their unknown torque, which the fit treats as "
             "pulses of unknown size"
         )
-        out.append(Note("pulses", text))
+        out.append(("pulses", text))
     if verdict == "unknown":
         ratio = rms / floor
-        left = ", ".join(
-            f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
-        )
-        out.append(Note("unexplained", f"unexplained residual (Nm): {left}"))
+        worst = np.argsort(-ratio)[:NAMED]
+        left = ", ".join(f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in worst)
+        out.append(("unexplained", f"unexplained residual (Nm): {left}"))
     if curve is not None and curve.certain:
         sides = " and the direction of motion" if len(curve.directions) > 1 else ""
         text = (
@@ -73,27 +72,45 @@ def notes(
             f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
             + (f"; its form is that of {curve.form}" if curve.form else "")
         )
-        out.append(Note("free-curve", text))
-    out += stopgap_notes(final.layout)
-    if bandwidths is not None:
-        out += [Note("bandwidth", text) for text in bandwidths.texts()]
-    return tuple(out)
+        out.append(("free-curve", text))
+    if own := ", ".join(e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap):
+        text = f"not physics, but in the model: {own}; it stands for a law that is still unknown"
+        out.append(("stopgap", text))
+    for text in bandwidths.texts() if bandwidths is not None else ():
+        out.append(("bandwidth", text))
+    return tuple(Note(kind, text) for kind, text in out)
 
 
 def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:
     """Which samples do not count; `first_phase`, shape (n,): the first phase of each joint that does."""
     names = listed([j for j, first in zip(joints, first_phase, strict=True) if first])
     starts = [j for j, first in zip(joints, first_phase, strict=True) if first == Phase.MOTION]
-    angle = THRESHOLDS.standstill.start_angle
-    also = f", of {listed(starts)} also the first {angle:g} rad after it" if starts else ""
+    also = f", of {listed(starts)} also the first {STILL.start_angle:g} rad after it" if starts else ""
     return (
         f"samples at standstill of {names} are excluded{also}, here and from the errors: static friction can "
         "take any value up to its limit, so the model is much less accurate there"
     )
 
 
-def stopgap_notes(layout: Layout) -> list[Note]:
-    """A note on the free curves in a model."""
-    curves = ", ".join(e.text(layout.joints) for e in layout.effects if EFFECTS[e.effect].stopgap)
-    text = f"not physics, but in the model: {curves}; it stands for a law that is still unknown"
-    return [Note("stopgap", text)] if curves else []
+def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, list[Note]]:
+    """The set without held-out groups that stand still, and a note about them.
+
+    At rest friction takes any value up to its limit: there, a model with the right friction predicts no
+    better than one without.
+    """
+
+    def moved(group: Group) -> Array:
+        """Range of each motor's position, shape (n,) [rad]."""
+        return np.ptp(np.concatenate([s.theta for s in group.segments]), axis=0)
+
+    least = STILL.still_range * np.max([moved(group) for group in measurements.fit_groups], axis=0)
+    still = [group.name for group in measurements.validation_groups if np.all(moved(group) < least)]
+    if not still:
+        return measurements, []
+    text = (
+        f"held-out {plural(len(still), 'group')} {listed(still)}: the robot stands still, where static "
+        "friction can take any value up to its limit; what is measured there judges no effect and counts in "
+        "no error stated here"
+    )
+    kept = tuple(group for group in measurements.groups if group.name not in still)
+    return replace(measurements, groups=kept), [Note("other", text)]

@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis import stages
+from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
+from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, findings, staircase, steps
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.model_family import without_curves
-from flexviz.diagnosis.notes import notes, standstill_text
+from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
 from flexviz.diagnosis.search import Tried
-from flexviz.diagnosis.still_groups import without_still_groups
 from flexviz.diagnosis.unknown_input import JOINTS, UnknownPlace, unknown_place
 from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.identification import parameter_estimates

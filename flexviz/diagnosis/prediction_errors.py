@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import Phases, phases
-from flexviz.equation import Equation, Layout, OperatingPoint, build_signals, layout_of
+from flexviz.equation import Equation, Layout, build_signals, layout_of
 from flexviz.estimation import residual_noise
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
@@ -24,6 +24,14 @@ Array = NDArray[np.float64]
 
 BAND_HERTZ = 5.0
 LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A model with its parameters, shape (P,)."""
+
+    layout: Layout
+    x: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,45 +52,31 @@ class PredictionErrors:
     noise_floor: tuple[float, ...]
     residual: Array
 
+    @property
+    def stated(self) -> tuple[float, ...]:
+        """Of the validation groups, if there are any, else of the fit groups."""
+        return self.rms_validation or self.rms
+
+    @property
+    def stated_name(self) -> str:
+        """Which error `stated` is: "validation" or "fit"."""
+        return "validation" if self.rms_validation else "fit"
+
 
 class PredictionErrorBand:
-    """Signals in the display band.
+    """Signals of a set in the display band; `rows`: samples of each group."""
 
-    Args:
-        measurements: the set.
-        groups: of it; default: all.
-
-    Attributes:
-        stated: which error is stated: that of the validation groups, if there are any.
-    """
-
-    def __init__(self, measurements: MeasurementSet, groups: Sequence[Group] | None = None) -> None:
+    def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
         observer = FlatZeroPhase(2 * np.pi * BAND_HERTZ)
-        made = build_signals(measurements, groups or measurements.groups, observer, longest_edge=LONGEST_EDGE)
+        made = build_signals(measurements, measurements.groups, observer, longest_edge=LONGEST_EDGE)
         self.signals = replace(made, sharp=True)
         self._shared: dict[object, Any] = {}
-        self.rows = {
-            group.name: np.concatenate(
-                [np.arange(b.rows.start, b.rows.stop) for b in self.signals.blocks if b.group == k]
-                or [np.arange(0)]
-            )
-            for k, group in enumerate(self.signals.groups)
-        }
-        held_out = any(g.validation and len(self.rows[g.name]) for g in self.signals.groups)
-        self.stated = "validation" if held_out else "fit"
-
-    @cached_property
-    def noise(self) -> tuple[Array, Array]:
-        """Of θ [rad] and τ [Nm], shape (n,) each."""
-        return segments_noise([b.segment for b in self.signals.blocks])
-
-    @cached_property
-    def _only_stated(self) -> PredictionErrorBand:
-        """The groups whose error is stated."""
-        groups, held_out = self.signals.groups, self.stated == "validation"
-        stated = [g for g in groups if g.validation == held_out and len(self.rows[g.name])]
-        return self if len(stated) == len(groups) else PredictionErrorBand(self.measurements, stated)
+        self._noise = segments_noise([b.segment for b in self.signals.blocks])
+        of_group = np.full(self.signals.count, -1)
+        for block in self.signals.blocks:
+            of_group[block.rows] = block.group
+        self.rows = {g.name: np.flatnonzero(of_group == k) for k, g in enumerate(self.signals.groups)}
 
     @cached_property
     def phases(self) -> Phases:
@@ -91,51 +85,25 @@ class PredictionErrorBand:
 
     def errors(self, fit: Fitted, first_phase: Phases | None = None) -> PredictionErrors:
         """Residuals of a model; `first_phase`, shape (n,): the first phase of each joint that counts."""
-        point, residual, used = self._residual(fit, first_phase)
-        held_out = {g.name: g.validation for g in self.signals.groups}
-        groups = tuple(
-            (name, _rms(residual[rows], used[rows]), held_out[name])
-            for name, rows in self.rows.items()
-            if len(rows)
-        )
-        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
-        return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
-
-    def stated_rms(self, fit: Fitted, first_phase: Phases | None = None) -> tuple[float, ...]:
-        """The stated one of `errors`, per joint [Nm], without evaluating any other."""
-        return _rms(*self._only_stated._residual(fit, first_phase)[1:])
-
-    def _residual(
-        self, fit: Fitted, first_phase: Phases | None
-    ) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
-        """A model, its residual, and which of it counts."""
         point = Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
         residual = point.residual(fit.x)
-        return (
-            point,
+        used = np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase
+
+        def rms(names: Sequence[str]) -> tuple[float, ...]:
+            rows = np.concatenate([np.arange(0), *(self.rows[name] for name in names)])
+            squares = np.sum(residual[rows] ** 2, axis=0, where=used[rows])
+            return tuple(map(float, np.sqrt(squares / np.maximum(used[rows].sum(axis=0), 1))))
+
+        seen = [g for g in self.signals.groups if len(self.rows[g.name])]
+        fitted, held_out = ([g.name for g in seen if g.validation == held] for held in (False, True))
+        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self._noise))
+        return PredictionErrors(
+            rms(fitted),
+            rms(held_out) if held_out else None,
+            tuple((g.name, rms([g.name]), g.validation) for g in seen),
+            tuple(map(float, floor)),
             residual,
-            np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase,
         )
-
-    def _rms(
-        self, residual: Array, used: NDArray[np.bool_]
-    ) -> tuple[tuple[float, ...], tuple[float, ...] | None]:
-        """Per joint, over the fit and over the validation groups."""
-        parts = [
-            [self.rows[g.name] for g in self.signals.groups if g.validation == held_out]
-            for held_out in (False, True)
-        ]
-        fitted, held_out = (np.concatenate((np.arange(0), *rows)) for rows in parts)
-        errors = _rms(residual[fitted], used[fitted])
-        return errors, _rms(residual[held_out], used[held_out]) if len(held_out) else None
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A model with its parameters, shape (P,)."""
-
-    layout: Layout
-    x: Array
 
 
 def prediction_errors(
@@ -164,7 +132,3 @@ def errors_along(
             x[layout.compliance] = 1.0 / x[layout.compliance]
         points.append(x)
     return tuple(band.errors(Known(layout, x)) for x in points)
-
-
-def _rms(residual: Array, used: NDArray[np.bool_]) -> tuple[float, ...]:
-    return tuple(map(float, np.sqrt(np.sum(residual**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))))

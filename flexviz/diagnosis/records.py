@@ -8,25 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import CURVES, CurveForm, curve_points, simple_form
+from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 DIRECTED = "position × direction"
 UNITS = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "acceleration": "rad/s²",
-    "load": "Nm",
-    DIRECTED: "rad",
-    "time": "s",
-    "group": "-",
-    "frequency": "Hz",
-}
+    "position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "load": "Nm", DIRECTED: "rad",
+    "time": "s", "group": "-", "frequency": "Hz",
+}  # fmt: skip
 DIRECTIONS = ("forward", "backward")
 DIRECTION_GAIN = 0.05  # additional share that position and direction together have to explain
-CERTAIN = 2.0  # standard errors that a free curve has to explain
 FREE_CURVE_NOTE = "a stopgap fitted to the residual, not a model: it shows where, not why"
 
 
@@ -35,7 +27,7 @@ class ResidualMap:
     """Residual of one joint against one variable.
 
     Attributes:
-        joint, variable: joint and variable; "position × direction" has one curve per direction.
+        joint, variable: of the residual; "position × direction" has one curve per direction.
         unit: of the variable.
         curves: names of the S curves: directions, groups (against time), or "" for a single one; for
             "frequency" the residual and its noise floor.
@@ -43,10 +35,9 @@ class ResidualMap:
         mean: shape (S, B), mean residual [Nm]; for "frequency" the square root of its density [Nm/√Hz].
         std: shape (S, B), standard error of the mean, including autocorrelation [Nm].
         count: shape (S, B), samples; for "frequency" spectral lines.
-        explained: out-of-sample share of the residual's mean square; zero on average for noise, hence
-            sometimes negative. For "frequency" the share of the strongest band of one hertz above the noise
-            floor, excluding the frequencies of the motion and their harmonics.
-        explained_std: its standard error.
+        explained, explained_std: out-of-sample share of the residual's mean square, and its standard error;
+            zero on average for noise, hence sometimes negative. For "frequency" that of the strongest band of
+            one hertz above the noise floor, excluding the frequencies of the motion and their harmonics.
         explained_by_group: group → share within its samples.
         range: shortest range of the variable that contains half of the explained share.
     """
@@ -58,7 +49,7 @@ class ResidualMap:
     centres: Array
     mean: Array
     std: Array
-    count: Ints
+    count: NDArray[np.int64]
     explained: float
     explained_std: float
     explained_by_group: dict[str, float]
@@ -70,17 +61,16 @@ class FreeCurve:
     """Residual torque of one joint as a smooth curve of one variable.
 
     Attributes:
-        joint, variable: joint and variable; "position" and "velocity" may have one curve per direction.
-        unit: of the variable.
+        joint, variable, unit: what it is of; position and velocity may have one curve per direction.
         directions: names of the S curves: forward and backward, or "" for a single one.
         centres: shape (M,), values of the variable.
         value: shape (S, M), torque missing in the model [Nm]; positive like friction at positive velocity;
             NaN outside the range of the motion. The part that the model's parameters can absorb is excluded,
             so that, e.g., extra friction beside Coulomb friction is known up to a constant.
         std: shape (S, M), its standard error [Nm].
-        explained: share of the joint's residual that the curve predicts out of sample.
-        explained_std: its standard error.
-        smoothing: penalty weight, chosen by cross-validation.
+        explained, explained_std: share of the joint's residual that it predicts out of sample; its standard
+            error.
+        smoothing: variance of an independent sample, relative to which the curve's prior counts [Nm²].
         note: one-sentence caveat.
         form: the simple law that the curve resembles, in words; empty if there is none.
     """
@@ -101,7 +91,7 @@ class FreeCurve:
     @property
     def certain(self) -> bool:
         """Whether it explains anything beyond doubt."""
-        return self.explained >= CERTAIN * self.explained_std
+        return self.explained >= NORMAL_95 * self.explained_std
 
     def simple_form(self) -> CurveForm | None:
         """The simple law that the curve resembles."""
@@ -111,10 +101,8 @@ class FreeCurve:
     @property
     def effects(self) -> tuple[str, ...]:
         """The free curves of a model that are of its kind, on motor and link; none against acceleration."""
-        each_way = len(self.directions) > 1
-        return tuple(
-            curve.name for curve in CURVES if (curve.variable, curve.each_way) == (self.variable, each_way)
-        )
+        kind = self.variable, len(self.directions) > 1
+        return tuple(curve.name for curve in CURVES if (curve.variable, curve.each_way) == kind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +114,8 @@ class ParameterCurve:
         place: payload or group of the effect, if any.
         values, std: shape (M,); NaN at a bound.
         moved: largest distance from the value at the bandwidth in use, in standard errors of that value.
-        excuse: the same in standard errors of the difference, computed from the contribution of every second
-            of data to both fits; small for noise and even for a model error.
-        trusted: the parameter stays within its 95 % interval, or noise explains the change.
+        trusted: it stays within its 95 % interval, or noise explains the difference of the two fits, which
+            share their data.
     """
 
     name: str
@@ -138,7 +125,6 @@ class ParameterCurve:
     values: Array
     std: Array
     moved: float
-    excuse: float
     trusted: bool
 
 
@@ -147,15 +133,13 @@ class BandwidthCheck:
     """Dependence of residual and parameters on the observer's bandwidth.
 
     Attributes:
-        observer: name of the observer; "two bands" for that of the diagnosis.
         bandwidths: shape (M,), ascending [rad/s].
         in_use: index of the bandwidth in use.
         joints: names.
         rms: shape (M, n), residual below `band` after fitting at each bandwidth [Nm].
         noise_floor: shape (n,), its part due to measurement noise [Nm].
         change: shape (M, n), rms change of the residual relative to the bandwidth in use, at the parameters
-            found there [Nm].
-        change_noise: shape (M, n), its part due to measurement noise [Nm].
+            found there [Nm]; noise changes nothing: below `band`, all bands are flat.
         band: upper limit of the frequencies compared [rad/s].
         observer_error: shape (n,), a wider band changes the residual by more than noise and by a considerable
             share of the residual.
@@ -163,18 +147,22 @@ class BandwidthCheck:
         seconds: wall time.
     """
 
-    observer: str
     bandwidths: Array
     in_use: int
     joints: tuple[str, ...]
     rms: Array
     noise_floor: Array
     change: Array
-    change_noise: Array
     band: float
-    observer_error: Bools
+    observer_error: NDArray[np.bool_]
     parameters: tuple[ParameterCurve, ...]
     seconds: float
+    observer: str = "two bands"
+
+    @property
+    def change_noise(self) -> Array:
+        """Part of `change` due to measurement noise, shape (M, n) [Nm]."""
+        return np.zeros_like(self.change)
 
     @property
     def untrusted(self) -> tuple[ParameterCurve, ...]:

@@ -10,8 +10,7 @@ from typing import ClassVar, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import credible
-from flexviz.diagnosis.candidates import candidates, is_episode
+from flexviz.diagnosis.candidates import candidates, credible, is_episode
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, chance, gain
 from flexviz.diagnosis.elimination import Linearised, eliminate
 from flexviz.diagnosis.fit_context import Judged

@@ -31,7 +31,6 @@ class Tie:
     """An effect that the data hardly distinguish from the one found.
 
     Attributes:
-        effect, joint: name and joint of the other effect.
         correlation: of the two signatures, after projecting out the model's own parameters.
         breaks: sentence naming the motion or payload in which the two differ most; may be empty.
     """
@@ -47,7 +46,6 @@ class Absorbed:
     """A parameter that absorbed the missing effect and changed when the effect was added.
 
     Attributes:
-        name, joint, unit: as in the JSON contract.
         before, after: value [unit].
         deviations: change in standard errors.
     """
@@ -92,7 +90,6 @@ class Family:
     """Effects whose signatures the data cannot separate (`flexviz.effects.EFFECT_FAMILIES`).
 
     Attributes:
-        name: "dry_friction", "constant_torque", "torque_scale".
         tied: whether the members tie in these data; the family is then the finding.
         members: names of the effects, the simplest first.
         confidence: probability that one of the members is correct.
@@ -111,11 +108,9 @@ class Move:
     Attributes:
         kind: "add", "drop", "swap" or "unknown" (an unknown torque).
         added, removed: effects as on the command line: "coulomb_friction:joint1".
-        delta: decrease of the objective [nats].
-        error: its standard error [nats].
-        accepted: whether the search made the move.
+        delta, error: decrease of the objective and its standard error [nats].
         resolution: "coarse" or "fine".
-        why: why it was refused, in words; "" if accepted.
+        why: why it was not accepted, in words; "" if it was.
     """
 
     kind: str
@@ -197,11 +192,8 @@ class Step:
 
     Attributes:
         added: the effect; None for the initial model.
-        rms, rms_validation: per joint, over the fit and the validation groups [Nm].
+        rms, rms_validation, groups, noise_floor: its errors [Nm], as in `PredictionErrors`.
         verdict: "missing", "nothing-missing" or "unknown".
-        groups: (name, rms per joint [Nm], whether held out) of every group.
-        noise_floor: per joint, rms due to measurement noise alone [Nm].
-        model: model with the parameters of this step.
     """
 
     added: Finding | None
@@ -218,24 +210,19 @@ class Diagnosis:
     """The result of one diagnosis.
 
     Attributes:
-        set_name: the measurement set.
-        verdict: "missing", "nothing-missing" or "unknown", for the set's own model.
-        findings: ranked candidates for the set's own model.
+        verdict, findings: "missing", "nothing-missing" or "unknown", and ranked candidates, for the set's own
+            model.
         where: locations of what no effect explains: of the final model's residual, without free curves
             beside which it was estimated; if the place of an unknown law is known, with parameters that the
             law does not bias, like `maps` and `free_curve`.
         steps: initial model, then one step per added effect.
-        effects: effects of the final model with their parameters.
-        parameters: parameters of the final model.
-        seconds: wall time.
-        stopped: stopped by the user, with the findings so far.
-        notes: notes that accompany the verdict.
-        model: the final model.
+        effects, parameters, model: the final model.
+        seconds, stopped: wall time; whether the user stopped it, with the findings so far.
+        notes: they accompany the verdict.
         maps: residual of the final model against each variable, joint by joint.
         free_curve: curve of an unexplained residual, as a stopgap; None if nothing is unexplained.
         guard: result of the bandwidth check; None if not run.
-        torque_spread: per joint, standard deviation of the recorded torque over all groups [Nm]; empty if
-            unknown.
+        torque_spread: standard deviation of each joint's recorded torque [Nm]; empty if unknown.
         trace: the moves that the search tried, in order.
         decoys: (accepted, tried) candidates that cannot be right; None if none were tried.
     """
@@ -267,8 +254,8 @@ class Diagnosis:
         return find_parameter(self.parameters, key)
 
     def __repr__(self) -> str:
-        found = ", ".join(finding.text for finding in self.findings[:1])
-        return f"<Diagnosis of {self.set_name}: {self.verdict}{f', {found}' if found else ''}>"
+        found = "".join(f", {finding.text}" for finding in self.findings[:1])
+        return f"<Diagnosis of {self.set_name}: {self.verdict}{found}>"
 
     @property
     def typed_notes(self) -> tuple[Note, ...]:
@@ -296,9 +283,9 @@ class Diagnosis:
         def told(finding: Finding) -> Finding:
             return replace(finding, share=shares.get(finding_key(finding)))
 
-        torque = {}
+        known: dict[str, Any] = {} if self.decoys is None else {"decoys": self.decoys}
         if self.model is not None and self.torque_spread:
-            torque = {"torque": {"joints": self.model.joints, "spread": self.torque_spread}}
+            known["torque"] = {"joints": self.model.joints, "spread": self.torque_spread}
         return ResultDocument.model_validate(
             {
                 "format": 1,
@@ -313,9 +300,8 @@ class Diagnosis:
                 "free_curve": self.free_curve,
                 **curve_entries(self.parameters),
                 "guard": self.guard,
-                **torque,
+                **known,
                 "trace": self.trace,
-                **({} if self.decoys is None else {"decoys": self.decoys}),
                 "stopped": self.stopped,
                 "seconds": self.seconds,
             }

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import excess
+from flexviz.diagnosis.candidates import excess
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.thresholds import THRESHOLDS

@@ -18,13 +18,14 @@ from flexviz.estimation.prior import Prior, pseudo_inertia
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
-from flexviz.estimation.two_band import TwoBandData, residual_noise
+from flexviz.estimation.two_band import NARROW_HERTZ, TwoBandData, residual_noise
 from flexviz.estimation.unknown_input import SIDES, Side, UnknownInput
 from flexviz.estimation.weighted_point import Point, Whitening
 from flexviz.estimation.whitening import Whitener
 
 __all__ = [
     "ESTIMATION",
+    "NARROW_HERTZ",
     "SIDES",
     "TAU",
     "WIDE_HERTZ",

@@ -201,7 +201,6 @@ class Whitening:
         judging: only the residual is needed, neither instruments nor their bias.
         adapted: a white model error follows the residual from point to point, once the noise does not explain
             it: the noise alone would give misleading weights.
-        own_error: shape (N, n), error of the band, subtracted from the residual [Nm].
         window: shape (N,), samples to use; default: all.
     """
 
@@ -212,11 +211,10 @@ class Whitening:
         *,
         judging: bool = False,
         adapted: bool = False,
-        own_error: Array | float = 0.0,
         window: Bools | None = None,
     ) -> None:
         self.two_band, self._judging, self._adapted = two_band, judging, adapted
-        self._own_error, self._window = own_error, window
+        self._window = window
         self._whiteners = None if near is None else near.whiteners
         self._noise_at = np.zeros(0) if near is None else near.noise_at
         self._effects_at, self._far = np.zeros(0), False
@@ -251,8 +249,6 @@ class Whitening:
             self._bias = self._instrument_bias(here, self._whiteners)
         if self._weightings is None:
             self._weightings = two_band.weightings(here, self._whiteners)
-        if not isinstance(self._own_error, float):
-            here = replace(here, residual=here.residual - self._own_error)
         point = weighted_point(two_band, here, self._weightings, self._bias, self._noise_at)
         return point if self._window is None else point.within(self._window)
 
