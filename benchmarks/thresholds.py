@@ -100,7 +100,7 @@ def print_spreads(case: Case) -> None:
         prior = replace(case.prior, spread=factor * case.prior.spread)
         solved = case.refined(prior)
         after = solved.place.covariance(prior, True, solved.at_bound)
-        shift = np.abs(solved.place.x - usual.point.x)[told] / before.standard_errors[told]
+        shift = np.abs(solved.place.x - usual.place.x)[told] / before.standard_errors[told]
         change = after.standard_errors[told] / before.standard_errors[told] - 1
         print(f"   {factor:<10.2g} {shift.max():22.3f} {np.abs(change).max():30.1%}")
 

@@ -29,7 +29,7 @@ from flexviz.diagnosis.residuals import (
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.effects import FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import CONSTANTS, NODES, SIZE
-from flexviz.estimation import sandwich, score_covariance
+from flexviz.estimation import spectral_covariance
 
 Array = NDArray[np.float64]
 
@@ -131,8 +131,7 @@ def fit_free_curve(
     best, values = tried[variable], data.variable(variable, joint)
     rest = (residual - best.columns @ best.coefficients) / np.sqrt(best.noise)
     columns = best.columns / np.sqrt(best.noise)
-    score = score_covariance(rest[:, None], columns[:, None], folds.stretches)
-    covariance = sandwich(columns.T @ columns, score, best.precision).matrix
+    covariance = spectral_covariance(rest[:, None], columns[:, None], folds.stretches, best.precision).matrix
     low, high = best.ends
     centres: Array = np.linspace(-high if variable == "velocity" else low, high, best.columns.shape[1])
     value, std = np.full((2, best.curve.sides, len(centres)), np.nan)

@@ -16,7 +16,8 @@ from flexviz.diagnosis.so_far import NAMED
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.results import Note, NoteKind
+from flexviz.results import Note
+from flexviz.results.base import NoteKind
 from flexviz.wording import listed, plural
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Estimation core: noise model, two-band data, instrumental variables, covariance, prior and start values."""
 
 from flexviz.estimation.base_inertials import BaseParameters, base_parameters
-from flexviz.estimation.covariance import Covariance, sandwich, spectral_covariance
+from flexviz.estimation.covariance import Covariance, sandwich, score_covariance, spectral_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
 from flexviz.estimation.instrumental_variables import Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
@@ -70,6 +70,7 @@ __all__ = [
     "sandwich",
     "scaled_inverse",
     "score",
+    "score_covariance",
     "solve",
     "spectral_covariance",
     "start_values",
