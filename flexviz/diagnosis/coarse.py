@@ -25,7 +25,7 @@ from flexviz.equation import Layout
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
 
-FIRST_LOOK = 6  # steps of a swap, after which the better of two starts goes on
+FIRST_LOOK = 6  # steps of a trial, and of the better of two starts, after which what promises nothing ends
 
 
 class Coarse(Resolution[MotionFit]):
@@ -121,7 +121,9 @@ class Coarse(Resolution[MotionFit]):
     def with_added(self, model: CoarseModel, chosen: Sequence[Candidate]) -> CoarseModel:
         """The model with candidates, fitted."""
         self.say(f"adding: {', '.join(sorted({EFFECTS[c.content.effect.effect].title for c in chosen}))}")
-        return self.model(self.family.with_candidates(model.fit, [c.content for c in chosen]))
+        layout, x = self.family.with_candidates(model.fit, [c.content for c in chosen])
+        trial = self.fit(layout, x, FIRST_LOOK)
+        return self.fit(layout, trial.fit.x) if self.promising(model, trial) else trial
 
     def swaps(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
         """Laws in place of those that they refine, or for which they may be mistaken."""
@@ -198,7 +200,7 @@ class Coarse(Resolution[MotionFit]):
             e for e in wanted if EFFECTS[e.effect].after_rest and before[e.place.own_joint] == Phase.MOTION
         ]
         scored = self.scores(there.fit, starts, episodes=False)
-        larger = self.model(self.family.with_candidates(there.fit, scored))
+        larger = self.fit(*self.family.with_candidates(there.fit, scored))
         gains = [self.gain_in_start(there, larger, s.effect.place.own_joint) for s in scored]
         kept = [
             s
@@ -207,7 +209,7 @@ class Coarse(Resolution[MotionFit]):
         ]
         joints = [s.effect.place.own_joint for s in kept]
         context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
-        return self.model(self.family.with_candidates(there.fit, kept)) if kept else model
+        return self.fit(*self.family.with_candidates(there.fit, kept)) if kept else model
 
     def gain_in_start(self, before: CoarseModel, after: CoarseModel, joint: int) -> Gain:
         """What a larger model gains in the first movements of a joint, in units of what is left in motion."""

@@ -16,7 +16,7 @@ from flexviz.diagnosis.candidates import (
     with_effect,
     without_effect,
 )
-from flexviz.diagnosis.criterion import Residuals, half_seconds, likelihood
+from flexviz.diagnosis.criterion import Likelihood, Residuals, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.prediction_errors import Known
@@ -119,7 +119,12 @@ class Fine(Resolution[Fit]):
         self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
         trials = [self.fit(at.layout, at.x, FIRST_LOOK, model.fit) for at in self.starts(model.fit, scored)]
         best = min(trials, key=lambda m: m.fit.objective)
-        return best if best.fit.converged else self.fit(best.layout, best.fit.x, FULL, best.fit)
+        if best.fit.converged or not self.promising(model, best):
+            return best
+        return self.fit(best.layout, best.fit.x, FULL, best.fit)
+
+    def units(self, like: Likelihood) -> Array:
+        return like.deviation**2
 
     def starts(self, fit: Fit, scored: ScoredCandidate) -> list[Known]:
         """The model with one more effect: at its score's values, and at those that the effect provides.

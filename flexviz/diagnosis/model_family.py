@@ -129,8 +129,8 @@ class ModelFamily:
                     x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
         return self.fit(smaller, x)
 
-    def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
-        """The model with candidates at their scored values, fitted."""
+    def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> tuple[Layout, Array]:
+        """The model with candidates, and its parameters with them at their scored values."""
         replaced = {(EFFECTS[s.effect.effect].replaces, s.effect.joint) for s in chosen}
         kept = tuple(e for e in fit.layout.effects if (e.effect, e.joint) not in replaced)
         springs = [s for s in chosen if EFFECTS[s.effect.effect].offset_parameter]
@@ -140,4 +140,4 @@ class ModelFamily:
         x = layout.vector(fit.layout.model(fit.x))
         for s in chosen:
             x[layout.effect_slice(s.effect)] = s.values
-        return self.fit(layout, x)
+        return layout, x

@@ -196,13 +196,17 @@ class Resolution(ABC, Generic[AnyFit]):
                 continue  # an episode
             if law.expected and not credible(fit, s.effect, self.raw_step, s.values):
                 continue
-            time = like.times.min() if joint is None else like.times[joint]
+            time = (like.times * self.units(like))[slice(None) if joint is None else joint].min()
             tried = len(found) * self.places(is_episode(s.effect))
             cost = chance(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
             promise = EFFORT.reach * 0.5 * s.gain / time - cost - self.trace(model, {s.effect})
             last = is_episode(s.effect)  # of the right size and length, it explains a part of anything
             out.append(Candidate(s.effect, self.rivalry(s.effect), float(promise), s, last))
         return out
+
+    def units(self, like: Likelihood) -> Array:
+        """Variance of a joint's residual in units of the weights of the scores, shape (n,)."""
+        return np.ones(self.own.n)
 
     def rivalry(self, effect: ChosenEffect) -> object:
         """Effects of which only the best is added at a time."""

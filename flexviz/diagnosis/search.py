@@ -127,8 +127,8 @@ class Search(Generic[Model]):
         """The model from which no move is accepted; `inner`: no unknown input is added."""
         model, idle = self.problem.pruned(model), 0
         self.made(model)
+        scored = self.problem.candidates(model)
         for _ in range(LIMITS.rounds):
-            scored = self.problem.candidates(model)
             worth = [c for c in scored if self.worth(c)]
             found, chosen = None, best_of_each_place(c for c in worth if not c.last)
             if not chosen or idle >= LIMITS.idle:
@@ -143,6 +143,7 @@ class Search(Generic[Model]):
             if found is not None:
                 model = found
                 self.made(model)
+                scored = self.problem.candidates(model)
         return self.problem.pruned(model)
 
     def worth(self, candidate: Candidate) -> bool:
