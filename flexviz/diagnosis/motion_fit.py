@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import Phase, Phases, phases, robust_weights, sample_step
+from flexviz.diagnosis.motion_samples import Phase, Phases, phases, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -38,7 +38,7 @@ from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 
-HERTZ = 7.0  # band of the motion
+HERTZ, SAMPLES = 7.0, 4  # band of the motion, and samples of a cycle at its edge
 MAX_ITERATIONS = 25
 SETTLED = 0.5  # change of the objective that ends a fit
 LONGEST_EDGE = 0.1  # share of a stretch that is dropped at each of its ends at most
@@ -179,10 +179,9 @@ class MotionContext:
         self.spread: Array = np.std(self.signals.tau[0], axis=0)
 
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
-        step = sample_step([s for g in groups for s in g.segments], HERTZ)
         made = build_signals(
             self.measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ),
-            sample_step=step, exact_step=True, longest_edge=LONGEST_EDGE,
+            sample_step=1 / (SAMPLES * HERTZ), exact_step=True, longest_edge=LONGEST_EDGE,
         )  # fmt: skip
         return replace(made, sharp=True)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -10,22 +9,11 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Signals
-from flexviz.measurements import Segment
 
 Array = NDArray[np.float64]
 Phases = NDArray[np.int8]
 
 LIMITS, OUTLIER = THRESHOLDS.standstill, THRESHOLDS.criterion.outlier
-MAX_SAMPLES = 4000  # of a long record, before they become sparser than a short one's
-
-
-def sample_step(segments: Sequence[Segment], hertz: float) -> float:
-    """Step of samples in a band [s]: dense for a short record, at least three per cycle for a long one."""
-    duration, raw = sum(float(np.ptp(s.time)) for s in segments), max(s.step for s in segments)
-    step, shortest = duration / MAX_SAMPLES, 1 / (8 * hertz)
-    if step > shortest:  # of a slowly sampled record, rounded down it may be half of that
-        step = max(step, raw * float(np.rint(step / raw)))
-    return float(np.clip(step, shortest, 1 / (3 * hertz)))
 
 
 def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> Array:

@@ -196,7 +196,8 @@ class Resolution(ABC, Generic[AnyFit]):
                 continue  # an episode
             if law.expected and not credible(fit, s.effect, self.raw_step, s.values):
                 continue
-            time = (like.times * self.units(like))[slice(None) if joint is None else joint].min()
+            units = np.ones(self.own.n) if law.underrated else self.units(like)
+            time = (like.times * units)[slice(None) if joint is None else joint].min()
             tried = len(found) * self.places(is_episode(s.effect))
             cost = chance(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
             promise = EFFORT.reach * 0.5 * s.gain / time - cost - self.trace(model, {s.effect})
