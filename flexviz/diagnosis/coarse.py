@@ -15,7 +15,7 @@ from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.model_family import ModelFamily
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
-from flexviz.diagnosis.resolution import LIMITS, Model, Resolution, Scoring, without
+from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring, without
 from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve, is_curve
@@ -24,8 +24,6 @@ from flexviz.equation import Layout
 
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
-
-FIRST_LOOK = 6  # steps of a trial, and of the better of two starts, after which what promises nothing ends
 
 
 class Coarse(Resolution[MotionFit]):
@@ -122,29 +120,30 @@ class Coarse(Resolution[MotionFit]):
         """The model with candidates, fitted."""
         self.say(f"adding: {', '.join(sorted({EFFECTS[c.content.effect.effect].title for c in chosen}))}")
         layout, x = self.family.with_candidates(model.fit, [c.content for c in chosen])
-        trial = self.fit(layout, x, FIRST_LOOK)
+        trial = self.fit(layout, x, EFFORT.first_look)
         return self.fit(layout, trial.fit.x) if self.promising(model, trial) else trial
 
     def swaps(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
         """Laws in place of those that they refine, or for which they may be mistaken."""
         for name, law in EFFECTS.items():
-            if law.replaces or law.instead_of:
-                yield partial(self.swapped, name=name)
+            for old, new in ((law.replaces, name), (law.instead_of, name), (name, law.instead_of)):
+                if old and new:
+                    yield partial(self.swapped, old=old, new=new)
 
-    def swapped(self, model: CoarseModel, name: str) -> CoarseModel:
+    def swapped(self, model: CoarseModel, old: str, new: str) -> CoarseModel:
         """The model with a law in place of another on the joints where that gains."""
-        law, fit = EFFECTS[name], model.fit
+        fit = model.fit
         loud = model.likelihood.deviation > self.floor
         pairs = {
-            e: ChosenEffect(name, e.joint)
+            e: ChosenEffect(new, e.joint)
             for e in fit.layout.effects
-            if e.effect in (law.replaces, law.instead_of) and e.joint is not None and loud[e.joint]
+            if e.effect == old and e.joint is not None and loud[e.joint]
         }
         taken = {*self.own.effects, *fit.layout.effects}
         pairs = {e: to for e, to in pairs.items() if e not in self.own.effects and to not in taken}
         if not pairs:
             return model
-        self.say(f"trying: {law.title}")
+        self.say(f"trying: {EFFECTS[new].title}")
         trial = self.exchanged(model, model, pairs)
         found = gain(model.likelihood, trial.likelihood)
         clear = found.by_joint > LIMITS.deviations * found.errors
@@ -181,7 +180,9 @@ class Coarse(Resolution[MotionFit]):
         # while an effect is missing, others stand in for it at values from which a fit may not return
         afresh = self.context.start(layout).x.copy()
         afresh[layout.effect_start :] = x[layout.effect_start :]
-        best = min((self.fit(layout, at, FIRST_LOOK) for at in (x, afresh)), key=lambda m: m.fit.objective)
+        best = min(
+            (self.fit(layout, at, EFFORT.first_look) for at in (x, afresh)), key=lambda m: m.fit.objective
+        )
         return self.fit(layout, best.fit.x) if best.fit.objective < fit.objective else best
 
     def with_first_movements(self, model: CoarseModel) -> CoarseModel:

@@ -141,8 +141,18 @@ class Course:
         rich = view.pruned(view.rich())
         if view.significant(rich).any() and view.context.set_standstill_apart(rich.fit):
             rich = view.rich()
-        search = Search(view, self.made, self.trace)
-        return view.with_first_movements(view.with_rest_angles(search.run(rich)))
+        search, end = self.searched_from(rich)
+        if view.significant(end).any():
+            other, there = self.searched_from(view.bare())  # of the samples that count by now
+            if gain(end.likelihood, there.likelihood).accepted:
+                search, end = other, there
+        self.trace = search.trace
+        return view.with_first_movements(view.with_rest_angles(search.run(end)))
+
+    def searched_from(self, start: CoarseModel) -> tuple[Search[CoarseModel], CoarseModel]:
+        """A search without unknown inputs, and its end."""
+        search = Search(self.view, self.made)
+        return search, search.run(start, inner=True)
 
     def made(self, model: CoarseModel) -> None:
         """A model is accepted."""

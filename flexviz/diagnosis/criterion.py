@@ -102,7 +102,7 @@ def likelihood(
         held_out += [k > 0] * len(part.stretches)
     times = correlation_times(parts) if times is None else times
     samples = float(np.sum(count / times))
-    error = 1 - (floor / sigma) ** 2
+    error = 1 - (floor / sigma) ** 2 if not fixed else np.zeros_like(sigma)
     return Likelihood(
         np.concatenate(losses), np.array(held_out), times, sigma, error, other, freedom, samples
     )
@@ -194,20 +194,19 @@ def gain(before: Likelihood, after: Likelihood, tried: int = 0, trace: float = 0
     better = after if after.losses.sum() < before.losses.sum() else before
     falls = (before.losses - after.losses) / better.times
     by_joint = falls.sum(axis=0)
-    noise, count = 2 * (1 - better.model_error) * np.abs(by_joint), len(falls)
-    uncertain = falls * np.sqrt(better.model_error)
+    more, each = after.freedom - before.freedom, falls.sum(axis=1)
+    size = 0.5 * more * float(np.log(max(better.samples, 2.0)))
+    cost = after.other - before.other + size + float(np.sign(more)) * (chance(tried) + trace)
+    delta = float(each.sum()) - cost
+    # what a move gains beyond its cost
+    net = np.abs(by_joint) * min(1.0, abs(delta) / max(float(np.abs(by_joint).sum()), 1e-300))
+    noise, uncertain = 2 * (1 - better.model_error) * net, falls * np.sqrt(better.model_error)
     scatter = np.where(better.model_error > 0, np.inf, 0.0)
     together = float(scatter.max())
-    if count > 2:
-        scatter = count * uncertain.var(axis=0, ddof=1)
-        together = count * float(uncertain.sum(axis=1).var(ddof=1))
-    each = falls.sum(axis=1)
+    if len(falls) > 2:
+        scatter = len(falls) * uncertain.var(axis=0, ddof=1)
+        together = len(falls) * float(uncertain.sum(axis=1).var(ddof=1))
     errors, error = np.sqrt(noise + scatter), float(np.sqrt(noise.sum() + together))
-    more = after.freedom - before.freedom
-    size = 0.5 * more * float(np.log(max(better.samples, 2.0)))
-    delta = (
-        float(each.sum()) + before.other - after.other - size - float(np.sign(more)) * (chance(tried) + trace)
-    )
     held, harmed = each[before.held_out], False
     if len(held) > 2:
         scatter = float(np.sqrt(len(held)) * held.std(ddof=1))

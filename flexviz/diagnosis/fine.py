@@ -32,8 +32,7 @@ FineModel = Model[Fit]
 # mean excess, and that of one joint, which a right model may leave: without reversals of friction, and with
 TOLERATED = (0.4, 1.0), (1.5, 2.5)
 TRACE = 1e-6  # of the excess without the effects
-FIRST_LOOK, FULL = 4, 14  # steps of a trial, and of the one that goes on
-RIVAL = 0.5  # share of an effect's score that a rival has to reach
+FULL = 14  # steps of a fit
 
 
 class Fine(Resolution[Fit]):
@@ -117,7 +116,9 @@ class Fine(Resolution[Fit]):
             return model
         scored: ScoredCandidate = chosen[0].content
         self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
-        trials = [self.fit(at.layout, at.x, FIRST_LOOK, model.fit) for at in self.starts(model.fit, scored)]
+        trials = [
+            self.fit(at.layout, at.x, EFFORT.first_look, model.fit) for at in self.starts(model.fit, scored)
+        ]
         best = min(trials, key=lambda m: m.fit.objective)
         if best.fit.converged or not self.promising(model, best):
             return best
@@ -164,7 +165,7 @@ class Fine(Resolution[Fit]):
         ranked = self.scores(there.fit, wanted, is_episode(effect))
         mine = next((s.gain for s in ranked if s.effect == effect), 0.0)
         others = [s for s in ranked if s.effect != effect]
-        rivals = [s for s in others if s.gain > RIVAL * mine][: EFFORT.singles]
+        rivals = [s for s in others if s.gain > mine / EFFORT.reach][: EFFORT.singles]
         hidden = [s for s in others if s.effect.joint == effect.joint and EFFECTS[s.effect.effect].underrated]
         best = model
         for s in [*rivals, *(s for s in hidden if s not in rivals)]:

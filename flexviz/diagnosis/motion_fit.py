@@ -38,7 +38,8 @@ from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 
-HERTZ, SAMPLES = 7.0, 4  # band of the motion, and samples of a cycle at its edge
+HERTZ = 7.0  # band of the motion
+SAMPLES = 1000  # of a record, with eight to four of a cycle at the edge of the band
 MAX_ITERATIONS = 25
 SETTLED = 0.5  # change of the objective that ends a fit
 LONGEST_EDGE = 0.1  # share of a stretch that is dropped at each of its ends at most
@@ -179,9 +180,11 @@ class MotionContext:
         self.spread: Array = np.std(self.signals.tau[0], axis=0)
 
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
+        duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
         made = build_signals(
             self.measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ),
-            sample_step=1 / (SAMPLES * HERTZ), exact_step=True, longest_edge=LONGEST_EDGE,
+            sample_step=float(np.clip(duration / SAMPLES, 1 / (8 * HERTZ), 1 / (4 * HERTZ))),
+            exact_step=True, longest_edge=LONGEST_EDGE,
         )  # fmt: skip
         return replace(made, sharp=True)
 

@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 AnyFit = TypeVar("AnyFit", bound=Judged)
 
 LIMITS, EFFORT = THRESHOLDS.criterion, THRESHOLDS.search
-ELIMINATIONS = 4  # fits until all effects of a model are needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +239,7 @@ class Resolution(ABC, Generic[AnyFit]):
 
     def pruned(self, model: Model[AnyFit]) -> Model[AnyFit]:
         """The model without the effects that it does not need."""
-        for _ in range(ELIMINATIONS):
+        for _ in range(EFFORT.rounds):
             found = eliminate(self.linearised(model), self.firm, self.impossible(model.fit), self.tried)
             if not found.dropped:
                 return model

@@ -18,7 +18,6 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 Model = TypeVar("Model")
 
 LIMITS = THRESHOLDS.search
-AGAIN = 2.0  # times what it promised, from which a refused candidate is tried again
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,8 @@ class Search(Generic[Model]):
         self.problem, self.made = problem, made
         self.trace: list[Tried] = [] if trace is None else trace
         self._refused = dict[Hashable, float]()  # candidates, and what they promised
-        self._settled = set[frozenset[Hashable]]()  # models to which nothing more is done but additions
+        self._swapped = set[frozenset[Hashable]]()  # models of which no part is exchanged ...
+        self._alone = set[frozenset[Hashable]]()  # ... and beside which no unknown input is accepted
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
@@ -148,7 +148,7 @@ class Search(Generic[Model]):
 
     def worth(self, candidate: Candidate) -> bool:
         """Whether to try a candidate: not one that was refused, unless it promises much more by now."""
-        return candidate.promise > AGAIN * self._refused.get(candidate.key, 0.0)
+        return candidate.promise > LIMITS.reach * self._refused.get(candidate.key, 0.0)
 
     def enlarged(self, model: Model, chosen: Sequence[Candidate], tried: int) -> Model | None:
         """The model with the candidates, all at once or the first one by one that is accepted."""
@@ -165,15 +165,16 @@ class Search(Generic[Model]):
     def exchanged(self, model: Model, inner: bool) -> Model | None:
         """The model with a part exchanged for a rival, or with an unknown input; None if none is accepted."""
         parts = self.problem.parts(model)
-        if parts in self._settled:
-            return None
-        for swap in self.problem.swaps(model):
+        for swap in self.problem.swaps(model) if parts not in self._swapped else ():
             other = swap(model)
             if self.accepted("swap", model, other, 0):
                 return other
-        found = None if inner else self.with_unknown(model)
+        self._swapped.add(parts)
+        if inner or parts in self._alone:
+            return None
+        found = self.with_unknown(model)
         if found is None:
-            self._settled.add(parts)
+            self._alone.add(parts)
         return found
 
     def with_unknown(self, model: Model) -> Model | None:

@@ -34,6 +34,7 @@ class SearchThresholds:
     rounds: int = 12  # of scoring what a model leaves
     idle: int = 2  # rounds in a row without a find that end the additions
     singles: int = 2  # candidates tried one by one where all together are refused
+    first_look: int = 5  # steps of a fit, after which it ends if it promises nothing
     reach: float = 3.0  # times what its score promises, that a candidate may gain
     intervals: int = 5000  # in which an episode may lie
     longest_episode: float = 0.6  # share of a stretch; a torque that acts longer is not an episode
