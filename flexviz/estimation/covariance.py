@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.estimation.linear_algebra import scaled_inverse
 from flexviz.fourier import quick_length
-
-Array = NDArray[np.float64]
 
 SMOOTHED_BANDS = 24  # spectra are averaged over 1/24 of the band
 
@@ -40,9 +38,7 @@ class Covariance:
         return np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
 
 
-def sandwich(
-    information: Array, score: Array, prior: Array, at_bound: NDArray[np.bool_] | None = None
-) -> Covariance:
+def sandwich(information: Array, score: Array, prior: Array, at_bound: Bools | None = None) -> Covariance:
     """Sandwich covariance including the uncertainty of the prior.
 
     Args:
@@ -70,7 +66,7 @@ def spectral_covariance(
     jacobian: Array,
     rows: Sequence[slice],
     prior: Array,
-    at_bound: NDArray[np.bool_] | None = None,
+    at_bound: Bools | None = None,
 ) -> Covariance:
     """Sandwich covariance with the score from the residual's own spectra; arguments as in the two it uses."""
     flat = jacobian.reshape(-1, jacobian.shape[2])

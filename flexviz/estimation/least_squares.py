@@ -6,15 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, OperatingPoint
 from flexviz.estimation.descent import Descent, NormalEquations, Reach
 from flexviz.estimation.linear_algebra import Bounds
 from flexviz.estimation.prior import Prior
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STIFFER = 0.1  # times its compliance: a stiffness may grow at most tenfold in one step, and fall at will
 SAMPLES_TOGETHER = 4000  # weighted at a time

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.model import FlexibleModel
 from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.progress import Iteration
 from flexviz.results import Grade, ObserverEntry, ResultDocument, curve_entries, find_parameter
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

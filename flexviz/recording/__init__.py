@@ -1,7 +1,5 @@
 """Recordings for the Rerun viewer: write, check, repair, compare, open. Only this package imports rerun."""
 
-from __future__ import annotations
-
 from flexviz.recording.comparing import compare_recordings, merge_recordings
 from flexviz.recording.files import repair_recording
 from flexviz.recording.live import LiveRecording
