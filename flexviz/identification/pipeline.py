@@ -12,14 +12,7 @@ from threadpoolctl import threadpool_limits
 from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.estimation import (
-    ESTIMATION,
-    Covariance,
-    Stopped,
-    TwoBandData,
-    base_parameters,
-    residual_noise,
-)
+from flexviz.estimation import ESTIMATION, Covariance, Stopped, TwoBandData, base_parameters, residual_noise
 from flexviz.estimation import refine as refine_fit
 from flexviz.identification.failure import (
     Unrest,

@@ -9,18 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.arrays import Array, Bools
-from flexviz.charts import (
-    COLOURS,
-    DASHED,
-    DASHES,
-    Chart,
-    ChartAxis,
-    ChartSeries,
-    Ribbon,
-    no_chart,
-    rgb,
-    thin,
-)
+from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb, thin
 from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, ResidualMap
 from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95

@@ -8,16 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.arrays import Array, Bools
-from flexviz.charts import (
-    COLOURS,
-    DASHED,
-    Chart,
-    ChartAxis,
-    ChartSeries,
-    no_chart,
-    thin,
-    time_chart,
-)
+from flexviz.charts import COLOURS, DASHED, Chart, ChartAxis, ChartSeries, no_chart, thin, time_chart
 from flexviz.diagnosis import Finding
 from flexviz.identification import Identification
 from flexviz.measurements import Group, Segment
