@@ -15,7 +15,7 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.estimation.linear_algebra import scaled_inverse
-from flexviz.fourier import quick_length
+from flexviz.fourier import line_counts, quick_length
 
 SMOOTHED_BANDS = 24  # spectra are averaged over 1/24 of the band
 
@@ -94,15 +94,11 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     spectrum = cross_spectrum(residual, rows, length)
     least = 1e-12 * float(np.trace(spectrum, axis1=1, axis2=2).real.max()) + 1e-300
     total = np.zeros((size, size))
-    share = np.full(length // 2 + 1, 2.0)  # one-sided spectrum: all but the first and last line count twice
-    share[0] = 1.0
-    if length % 2 == 0:
-        share[-1] = 1.0
+    weight = np.sqrt(line_counts(length) / length)
     for r in rows:
         j = np.fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
         factor = np.linalg.cholesky(spectrum + least * np.eye(spectrum.shape[1]))
-        left = np.matmul(factor.conj().transpose(0, 2, 1), j) * np.sqrt(share / length)[:, None, None]
-        flat = left.reshape(-1, size)
+        flat = (np.matmul(factor.conj().transpose(0, 2, 1), j) * weight[:, None, None]).reshape(-1, size)
         total += flat.real.T @ flat.real + flat.imag.T @ flat.imag
     return total
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from flexviz.arrays import Array, Indices
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
-from flexviz.fourier import quick_length
+from flexviz.fourier import line_counts, quick_length
 from flexviz.observers import Observer
 
 CHUNK = 150  # samples whitened at a time: they stay in the processor's cache
@@ -225,8 +225,7 @@ def noise_score_covariance(
     """
     length = quick_length(2 * len(weights))
     omega = np.arange(length // 2 + 1, dtype=float) * (2 * np.pi / (length * joint_step))
-    share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
-    share[0] = 1.0
+    share = line_counts(length)
     if length % 2 == 0:
         share[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
     scale = np.sqrt(share[:, None] / length * variance * raw_step / joint_step)
