@@ -114,12 +114,9 @@ def available_memory() -> float:
         free = next(1024.0 * float(row.split()[1]) for row in rows if row.startswith("MemAvailable"))
     except (OSError, StopIteration, ValueError, IndexError):
         return float("inf")
-    for name in (
-        "/sys/fs/cgroup/memory.max",
-        "/sys/fs/cgroup/memory/memory.limit_in_bytes",
-    ):  # of a container
+    for name in ("memory.max", "memory/memory.limit_in_bytes"):  # of a container
         try:
-            free = min(free, float(Path(name).read_text(encoding="ascii")))
+            free = min(free, float(Path("/sys/fs/cgroup", name).read_text(encoding="ascii")))
         except (OSError, ValueError):
             continue  # "max": without limit
     return free
@@ -167,12 +164,8 @@ def check_webgl(browser: str | None) -> Check:
             "WebGL", "warning", "no Chromium or Chrome found to try; any browser with WebGL 2 shows the app"
         )
     with temporary_folder("doctor") as profile:
-        flags = [
-            "--headless",
-            "--disable-background-networking",
-            "--no-first-run",
-            f"--user-data-dir={profile}",
-        ]
+        flags = ["--headless", "--disable-background-networking", "--no-first-run"]
+        flags.append(f"--user-data-dir={profile}")
         flags += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         page = f"data:text/html,{quote(WEBGL_PAGE)}"
         try:

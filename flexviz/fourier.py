@@ -1,9 +1,13 @@
-"""Lengths that a Fourier transform is quick for.
+"""Lengths that a Fourier transform is quick for, and how often the lines of its spectrum count.
 
 NumPy's transforms are used: SciPy's are the same code, but loading them takes a tenth of a second.
 """
 
 from __future__ import annotations
+
+import numpy as np
+
+from flexviz.arrays import Array
 
 
 def quick_length(count: int) -> int:
@@ -22,3 +26,12 @@ def quick_length(count: int) -> int:
             factor *= 3
         fives *= 5
     return best
+
+
+def line_counts(length: int) -> Array:
+    """How often each line of a real signal's one-sided spectrum counts: twice, but for its ends."""
+    counts = np.full(length // 2 + 1, 2.0)
+    counts[0] = 1.0
+    if length % 2 == 0:
+        counts[-1] = 1.0
+    return counts

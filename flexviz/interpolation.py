@@ -7,9 +7,8 @@ once, and a record costs one substitution.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexviz.arrays import Array
 
 COUPLED = 1e-17  # coupling of two unknowns, about the pivot, that changes nothing
 

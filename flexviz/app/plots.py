@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from flexviz import view
 from flexviz.app.fleet import FleetTab
 from flexviz.app.page import Page, put
 from flexviz.app.page_script import PICTURE_LABEL
@@ -17,28 +18,6 @@ from flexviz.batch import FleetRow
 from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
 from flexviz.errors import InputError
 from flexviz.identification import Identification
-from flexviz.view import (
-    VARIABLES,
-    ResidualSamples,
-    convergence_charts,
-    free_chart,
-    free_html,
-    groups_html,
-    map_charts,
-    map_html,
-    map_of,
-    model_curve_charts,
-    model_runs,
-    observer_for,
-    range_html,
-    shape_charts,
-    signals_charts,
-    staircase_charts,
-    staircase_html,
-    states_charts,
-    stretches_of,
-    time_residual,
-)
 from flexviz.wording import mean_nrms
 
 RIGHT_WIDTH = 430  # [pixels]
@@ -119,15 +98,17 @@ class PlotPanel:
     def _draw_states(self) -> None:
         store = self._store
         name, bandwidth, gains = store.analysis.used_tuning
-        observer = observer_for(name, bandwidth, store.joint, gains)
+        observer = view.observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
-        self._states.show(states_charts(store.group, store.joint, observer, hold, now, store.span))
+        self._states.show(view.states_charts(store.group, store.joint, observer, hold, now, store.span))
 
     def _draw_signals(self) -> None:
         """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
         which = store.group, store.joint, store.joint_name, result
-        self._signals.show((*signals_charts(*which, store.motion, store.span), *shape_charts(*which)))
+        self._signals.show(
+            (*view.signals_charts(*which, store.motion, store.span), *view.shape_charts(*which))
+        )
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
@@ -135,9 +116,9 @@ class PlotPanel:
         joints, spread = store.measurements.joints, store.measurements.torque_spread
         result, shown = store.analysis.identification, len(store.analysis.model_steps) - 1
         parameters = result.parameters if result else ()
-        self._compare.show(staircase_charts(models, store.joint, joints, spread))
-        self._steps.content = staircase_html(models, joints, spread, parameters, shown)
-        self._ends = [last for _, _, last in model_runs(models, joints)] if models else []
+        self._compare.show(view.staircase_charts(models, store.joint, joints, spread))
+        self._steps.content = view.staircase_html(models, joints, spread, parameters, shown)
+        self._ends = [last for _, _, last in view.model_runs(models, joints)] if models else []
         self._models.visible = self._beside.visible = len(self._ends) > 1
         if len(self._ends) > 1:
             numbers = tuple(str(k) for k in range(len(self._ends)))
@@ -169,7 +150,7 @@ class PlotPanel:
                 floor = 100 * mean_nrms(derived.errors.noise_floor, spread)
         elif not (iterations or store.running):
             final = result
-        self._convergence.show(convergence_charts(iterations, ends, floor, final))
+        self._convergence.show(view.convergence_charts(iterations, ends, floor, final))
 
 
 class ResidualTab:
@@ -178,7 +159,7 @@ class ResidualTab:
     def __init__(self, store: Store, page: Page, tab: Any) -> None:
         self._store = store
         self._of: tuple[Identification | None, int] | None = None  # result and joint of the samples
-        self._samples: ResidualSamples | None = None
+        self._samples: view.ResidualSamples | None = None
         gui = page.gui
         with tab:
             self._map = gui.add_html("")
@@ -186,7 +167,7 @@ class ResidualTab:
             self._stopgap = gui.add_html("")
             hint = "marks, in time and on the robot, the instants where this variable is in the range"
             self._variable = page.dropdown(
-                "Highlight", (OFF, *VARIABLES), self._chosen, visible=False, hint=hint
+                "Highlight", (OFF, *view.VARIABLES), self._chosen, visible=False, hint=hint
             )
             self._range = page.watch(
                 gui.add_multi_slider("Range", 0.0, 1.0, 1.0 / STEPS, (0.0, 1.0), visible=False),
@@ -203,18 +184,20 @@ class ResidualTab:
         store, name = self._store, self._store.joint_name
         result, joint = store.analysis.identification, store.joint
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
-            self._samples, self._of = ResidualSamples.of(result, joint), (result, joint)
-        self._map.content = map_html(store.maps, store.measurements.joints, joint)
-        self._groups.content = groups_html(self._samples, name)
+            self._samples, self._of = view.ResidualSamples.of(result, joint), (result, joint)
+        self._map.content = view.map_html(store.maps, store.measurements.joints, joint)
+        self._groups.content = view.groups_html(self._samples, name)
         self._variable.visible = self._samples is not None
-        residual = time_residual(self._samples, name, store.group.name, store.span)
+        residual = view.time_residual(self._samples, name, store.group.name, store.span)
         marked = self._marked()
         self._range.visible = marked is not None
         if marked is not None and residual.series:
-            residual = replace(residual, highlights=stretches_of(marked.time, marked.marked))
-        self._stopgap.content = free_html(store.free_curve)
-        own = model_curve_charts(result.parameters) if result else ()
-        self.charts.show((*own, free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
+            residual = replace(residual, highlights=view.stretches_of(marked.time, marked.marked))
+        self._stopgap.content = view.free_html(store.free_curve)
+        own = view.model_curve_charts(result.parameters) if result else ()
+        self.charts.show(
+            (*own, view.free_chart(store.free_curve), residual, *view.map_charts(store.maps, name))
+        )
         self._move()
         store.set_highlight(marked)
 
@@ -228,7 +211,7 @@ class ResidualTab:
             return None
         low, high = self._range.value
         time, inside = self._samples.instants(key, low, high, self._store.group.name)
-        self._about.content = range_html(key, low, high, inside)
+        self._about.content = view.range_html(key, low, high, inside)
         return Highlight(time, inside)
 
     def _chosen(self, key: str) -> None:
@@ -241,7 +224,7 @@ class ResidualTab:
 
     def _first_range(self, key: str, low: float, high: float) -> tuple[float, float]:
         """The range with most of the residual, or else the upper quarter."""
-        found = map_of(self._store.maps, self._store.joint_name, key)
+        found = view.map_of(self._store.maps, self._store.joint_name, key)
         if found is None or not low <= found.range[0] < found.range[1] <= high:
             return low + 0.75 * (high - low), high
         first, last = found.range

@@ -32,14 +32,7 @@ from flexviz.parallel import Background
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
-from flexviz.session import (
-    SESSION_FILE,
-    Analysis,
-    diagnosed_models,
-    is_session,
-    open_session,
-    with_roles,
-)
+from flexviz.session import SESSION_FILE, Analysis, diagnosed_models, is_session, open_session, with_roles
 from flexviz.simulation import Run, replay
 from flexviz.view import truth_values
 

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from flexviz.app.page import put
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, TIME, Chart, ChartAxis
 from flexviz.wording import escape
-
-Array = NDArray[np.float64]
 
 LEVELS = (1.0, 0.95)  # of a playhead, by turns (see `UplotChart.move`)
 TINT, FAINT = "40", "20"  # opacity of areas; of those without a label, which are many

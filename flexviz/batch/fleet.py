@@ -8,13 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from flexviz.arrays import Array
 from flexviz.batch.rows import DONE, FleetRow, FleetValue
 from flexviz.batch.thresholds import THRESHOLDS
 
-Array = NDArray[np.float64]
 DAY = 86400.0  # [s]
 YEAR = 365.25  # [days]
 MAD_TO_SPREAD = 1.4826  # of normal values

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexviz.arrays import Array, Bools
+
 Dash = tuple[int, ...]
 MAX_POINTS = 600  # of a drawn line
 SOLID: Dash = ()
@@ -92,7 +92,7 @@ class ShadedStage:
     first: float
     last: float
 
-    def inside(self, x: Array) -> NDArray[np.bool_]:
+    def inside(self, x: Array) -> Bools:
         """Which points x (N,) it holds; of two at one end only the inner one."""
         inside = (x > self.first) & (x < self.last)
         for ends, pick in ((np.flatnonzero(x == self.first), -1), (np.flatnonzero(x == self.last), 0)):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Indices
 from flexviz.charts.chart import Array, Chart, ChartSeries, Ribbon
 from flexviz.charts.palette import COLOURS
 
@@ -187,7 +188,7 @@ def _legend(places: Sequence[LegendEntry]) -> Iterator[str]:
         yield _text(10 * x + 310, 10 * y + 40, _short(entry.label), "start")
 
 
-def stretches(x: Array, *columns: Array) -> list[NDArray[np.intp]]:
+def stretches(x: Array, *columns: Array) -> list[Indices]:
     """Consecutive rows in which x and all columns are finite."""
     rows = np.flatnonzero(np.isfinite(np.stack([x, *columns])).all(axis=0))
     return [part for part in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(part)]

@@ -65,13 +65,9 @@ def summary(done: SimulatedSet) -> list[str]:
     lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
     for group in plan.groups:
         use = "validation" if group.validation else "fit"
-        parts = (
-            group.trajectory,
-            group.payload,
-            f"{group.duration:g} s",
-            temperature_text(group.temperature),
-        )
-        lines.append(f"  {group.name}: {', '.join(filter(None, (*parts, use)))}")
+        about = (f"{group.duration:g} s", temperature_text(group.temperature), use)
+        parts = filter(None, (group.trajectory, group.payload, *about))
+        lines.append(f"  {group.name}: {', '.join(parts)}")
     for effect in plan.model.effects:
         units = EFFECTS[effect.effect].units
         values = ", ".join(

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Indices
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import Projection, sandwich
 
@@ -46,7 +45,7 @@ class LeastErrors(Criterion):
     """
 
     prior: Array  # (P, P)
-    chosen: NDArray[np.intp]  # indices of the parameters
+    chosen: Indices  # indices of the parameters
     scale: Array  # (C,), what their standard errors are relative to
     geometric: bool = False  # log-det instead of trace
     unit = "%"
@@ -78,7 +77,7 @@ class BestSeparation(Criterion):
     """
 
     prior: Array  # (P, P)
-    own: tuple[NDArray[np.intp], NDArray[np.intp]]  # indices of each effect's parameters
+    own: tuple[Indices, Indices]  # indices of each effect's parameters
     counts: tuple[bool, bool] = (True, True)  # which of the two gains counts
     text = "expected gain in log likelihood of the right effect over the wrong one"
     unit = ""
@@ -88,7 +87,7 @@ class BestSeparation(Criterion):
         root = _root(gram)
         return self._left(root, gram, 0, self.own[0]), self._left(root, gram, 1, self.own[1])
 
-    def _left(self, root: Array, gram: Array, k: int, without: NDArray[np.intp]) -> float:
+    def _left(self, root: Array, gram: Array, k: int, without: Indices) -> float:
         """Half the norm that is left of contribution k by the model without some parameters."""
         count = len(self.prior)
         kept = np.setdiff1d(np.arange(count), without)

@@ -21,6 +21,7 @@ from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import noise_density, noise_paths, start_values
+from flexviz.fourier import line_counts
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.observers import FlatZeroPhase
@@ -37,11 +38,7 @@ def information(columns: Array, density: Array, step: float) -> Array:
     """
     count = len(columns)
     spectrum = np.fft.rfft(columns, axis=0)
-    share = np.full(len(spectrum), 2.0)  # a real signal's spectrum is counted twice but for its ends
-    share[0] = 1.0
-    if count % 2 == 0:
-        share[-1] = 1.0
-    weight = np.sqrt(2 * step / count * share[:, None] / density)
+    weight = np.sqrt(2 * step / count * line_counts(count)[:, None] / density)
     flat = (spectrum * weight[:, :, None]).reshape(-1, columns.shape[2])
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._scipy import sp
+from flexviz.arrays import Bools
 from flexviz.effects.effect import HiddenStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
@@ -43,7 +43,7 @@ class Backlash(LawEffect):
         flank = _flank(motion, abs(motion.present.get(self.name, (0.0,))[0]))
         return -values[0] * flank, -flank[None]
 
-    def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array]:
+    def undecided(self, motion: JointMotion, values: Array) -> tuple[Bools, Array]:
         idle = ~_above(IDLE_SHARE, motion)
         return idle, np.full(len(idle), 2 * abs(float(values[0])))
 
@@ -62,7 +62,7 @@ class Backlash(LawEffect):
         return (max(0.15 * scale.deflection, 2e-4),)
 
 
-def _above(share: float, motion: JointMotion) -> NDArray[np.bool_]:
+def _above(share: float, motion: JointMotion) -> Bools:
     """Samples whose torque exceeds this share of the largest one near by, shape (N,)."""
     size = np.abs(motion.torque)
     around = sp.ndimage.maximum_filter1d(size, 2 * round(RINGING_TIME / motion.step) + 1, mode="nearest")

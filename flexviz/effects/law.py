@@ -8,8 +8,8 @@ from itertools import product
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Bools
 from flexviz.effects.effect import Effect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, Terms
 
@@ -34,7 +34,7 @@ class LawEffect(Effect):
         """Standard deviations of u due to the unknown time before the record, shape (M, N)."""
         return np.zeros((0, len(motion.time)))
 
-    def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array] | None:
+    def undecided(self, motion: JointMotion, values: Array) -> tuple[Bools, Array] | None:
         """Samples at which the motion does not determine u, and the range of u there, shape (N,) each.
 
         None: the samples at which the law jumps within the noise of its signals.

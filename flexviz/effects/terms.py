@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 
 Where = Literal["motor", "link", "joint", "sensing", "load"]
 Entry = Literal["torque", "deflection", "residual", "gravity"]
@@ -217,7 +216,7 @@ class Context(Protocol):
         """Link side q, q̇, q̈ at the current parameters, shape (3, N)."""
         ...
 
-    def in_group(self, group: str) -> NDArray[np.bool_]:
+    def in_group(self, group: str) -> Bools:
         """Samples of that group, shape (N,)."""
         ...
 

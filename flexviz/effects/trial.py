@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Bools
 from flexviz.effects.terms import Array, JointMotion
 
 
@@ -97,7 +97,7 @@ class TrialMotion:
     def link_state(self, joint: int) -> Array:
         return self.theta(joint)[:3] - self.torque.at(self.time, 3) / self.stiffness
 
-    def in_group(self, group: str) -> NDArray[np.bool_]:
+    def in_group(self, group: str) -> Bools:
         return np.ones(len(self.time), dtype=bool)
 
     def payload_torque(self, payload: str) -> Array:

@@ -8,27 +8,3 @@ from flexviz.equation.products import FilteredProducts
 from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
 from flexviz.equation.reversal_nuisance import PulseGroup, Pulses, pulses, side_by_side
 from flexviz.equation.signals import Block, Signals, build_signals, equation_stride
-
-__all__ = [
-    "INERTIAL_NAMES",
-    "Block",
-    "Chain",
-    "Equation",
-    "Evaluation",
-    "FilteredProducts",
-    "Layout",
-    "LinkDynamics",
-    "LinkTerms",
-    "OperatingPoint",
-    "PulseGroup",
-    "Pulses",
-    "Signals",
-    "build_signals",
-    "equation_stride",
-    "layout_of",
-    "local_compliance",
-    "pulses",
-    "side_by_side",
-    "time_constants",
-    "viscous_scale",
-]

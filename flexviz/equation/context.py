@@ -7,9 +7,8 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools, Indices
 from flexviz.effects import JointMotion
 from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fine_signals, fine_stride
 from flexviz.equation.layout import Layout
@@ -114,7 +113,7 @@ class EffectContext:
     def link_state(self, joint: int) -> Array:
         return self._q[:, :, joint]
 
-    def in_group(self, group: str) -> NDArray[np.bool_]:
+    def in_group(self, group: str) -> Bools:
         out = np.zeros(self.count(), bool)
         for block in self._signals.blocks:
             out[block.rows] = self._signals.groups[block.group].name == group
@@ -182,7 +181,7 @@ class EffectContext:
     def pulses_block(
         self,
         index: int,
-        at: NDArray[np.intp],
+        at: Indices,
         joint: int,
         depth: int,
         rows: slice = slice(None),
@@ -197,7 +196,7 @@ class EffectContext:
         since = np.clip(self._sampled(index)[None, rows] - at[:, None], -reach - 1, reach + 1)
         return kernel[:depth, since + reach + 1].transpose(1, 0, 2)
 
-    def pulse_rows(self, index: int, at: NDArray[np.intp], joint: int, inside: slice) -> slice:
+    def pulse_rows(self, index: int, at: Indices, joint: int, inside: slice) -> slice:
         """Samples of a stretch where pulses at fine instants `at` (M,) are not zero, two at least.
 
         `inside`: samples of the stretch that are looked at.
@@ -221,7 +220,7 @@ class EffectContext:
         lag = np.clip(lag, -reach, reach + 1)
         return share * kernel[0, lag + reach + 1] + rise[lag + reach]
 
-    def _sampled(self, index: int) -> NDArray[np.intp]:
+    def _sampled(self, index: int) -> Indices:
         """Fine instants of a stretch's samples."""
         fine = self.fine()[index]
         time = self._signals.time[self._signals.blocks[index].rows]

@@ -17,9 +17,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.chain import Chain, local_compliance, time_constants
 from flexviz.equation.link import LinkTerms
@@ -219,7 +218,7 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
     return instants, np.concatenate(sizes)[order]
 
 
-def _jumps(law: LawEffect, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array]:
+def _jumps(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Bools, Array]:
     """Samples at which a law is between both sides of a jump, and the height of the jump, shape (N,)."""
     u = law.law(motion, values)[0]
     full = np.abs(u).max()

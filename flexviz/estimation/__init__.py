@@ -5,12 +5,7 @@ from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
 from flexviz.estimation.instrumental_variables import Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
-from flexviz.estimation.linear_algebra import (
-    Bounds,
-    bounded_step,
-    least_norm_solve,
-    scaled_inverse,
-)
+from flexviz.estimation.linear_algebra import Bounds, bounded_step, least_norm_solve, scaled_inverse
 from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened
@@ -22,57 +17,3 @@ from flexviz.estimation.two_band import NARROW_HERTZ, TwoBandData, residual_nois
 from flexviz.estimation.unknown_input import SIDES, Side, UnknownInput
 from flexviz.estimation.weighted_point import Point, Whitening
 from flexviz.estimation.whitening import Whitener
-
-__all__ = [
-    "ESTIMATION",
-    "NARROW_HERTZ",
-    "SIDES",
-    "TAU",
-    "WIDE_HERTZ",
-    "BaseParameters",
-    "Bounds",
-    "Covariance",
-    "Descent",
-    "NoisePath",
-    "NormalEquations",
-    "Place",
-    "Point",
-    "Prior",
-    "Problem",
-    "Projection",
-    "Reach",
-    "ScoredCandidate",
-    "Side",
-    "Solution",
-    "Solved",
-    "Start",
-    "Stopped",
-    "Transfer",
-    "TwoBandData",
-    "UnknownInput",
-    "Weigh",
-    "WeightingSettings",
-    "Whitener",
-    "Whitening",
-    "base_parameters",
-    "best_intervals",
-    "bounded_step",
-    "explained",
-    "gauss_newton",
-    "least_norm_solve",
-    "noise_density",
-    "noise_paths",
-    "normal_equations",
-    "other_effects",
-    "pseudo_inertia",
-    "refine",
-    "residual_noise",
-    "sandwich",
-    "scaled_inverse",
-    "score",
-    "score_covariance",
-    "solve",
-    "spectral_covariance",
-    "start_values",
-    "whitened",
-]

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation import INERTIAL_NAMES, LinkDynamics
 from flexviz.robot import Robot
-
-Array = NDArray[np.float64]
 
 DEPENDENT = 1e-7  # size of a column, and what is left of it, below which it counts as dependent
 _PREFERRED = (9, 1, 2, 3, 4, 5, 6, 7, 8, 0)  # izz, mx, my, mz, ixx … iyz, mass

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.estimation.linear_algebra import scaled_inverse
-from flexviz.fourier import quick_length
-
-Array = NDArray[np.float64]
+from flexviz.fourier import line_counts, quick_length
 
 SMOOTHED_BANDS = 24  # spectra are averaged over 1/24 of the band
 
@@ -40,9 +38,7 @@ class Covariance:
         return np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
 
 
-def sandwich(
-    information: Array, score: Array, prior: Array, at_bound: NDArray[np.bool_] | None = None
-) -> Covariance:
+def sandwich(information: Array, score: Array, prior: Array, at_bound: Bools | None = None) -> Covariance:
     """Sandwich covariance including the uncertainty of the prior.
 
     Args:
@@ -70,7 +66,7 @@ def spectral_covariance(
     jacobian: Array,
     rows: Sequence[slice],
     prior: Array,
-    at_bound: NDArray[np.bool_] | None = None,
+    at_bound: Bools | None = None,
 ) -> Covariance:
     """Sandwich covariance with the score from the residual's own spectra; arguments as in the two it uses."""
     flat = jacobian.reshape(-1, jacobian.shape[2])
@@ -98,15 +94,11 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     spectrum = cross_spectrum(residual, rows, length)
     least = 1e-12 * float(np.trace(spectrum, axis1=1, axis2=2).real.max()) + 1e-300
     total = np.zeros((size, size))
-    share = np.full(length // 2 + 1, 2.0)  # one-sided spectrum: all but the first and last line count twice
-    share[0] = 1.0
-    if length % 2 == 0:
-        share[-1] = 1.0
+    weight = np.sqrt(line_counts(length) / length)
     for r in rows:
         j = np.fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
         factor = np.linalg.cholesky(spectrum + least * np.eye(spectrum.shape[1]))
-        left = np.matmul(factor.conj().transpose(0, 2, 1), j) * np.sqrt(share / length)[:, None, None]
-        flat = left.reshape(-1, size)
+        flat = (np.matmul(factor.conj().transpose(0, 2, 1), j) * weight[:, None, None]).reshape(-1, size)
         total += flat.real.T @ flat.real + flat.imag.T @ flat.imag
     return total
 

@@ -17,13 +17,10 @@ from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.estimation.linear_algebra import Bounds, bounded_step, scaled_solve
 from flexviz.estimation.thresholds import ESTIMATION
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 HALVINGS = 12  # tried to find a lower place
 SHORTEST = 30  # halvings to the first feasible point of a step

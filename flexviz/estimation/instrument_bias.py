@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Indices
 from flexviz.estimation.noise_propagation import NoisePath
 from flexviz.estimation.whitening import Whitener
-
-Array = NDArray[np.float64]
 
 SAMPLE_SPACING = 5  # the expectation changes slowly, with the pose
 MAX_SAMPLES = 400  # per stretch
@@ -32,7 +30,7 @@ class Lookback:
         weights: shape (p + 1, T, n, n).
     """
 
-    at: NDArray[np.intp]
+    at: Indices
     weights: Array
 
 

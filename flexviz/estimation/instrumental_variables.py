@@ -12,16 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.estimation.descent import Descent, NormalEquations, Reach
 from flexviz.estimation.linear_algebra import Bounds
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import TwoBandData
 from flexviz.estimation.weighted_point import Point, Whitening
-
-Array = NDArray[np.float64]
 
 IMPROVED = 0.997  # factor on the objective, below which a step has improved it
 MAX_ITERATIONS = 12  # of a refinement; twice as many while a model error is adapted

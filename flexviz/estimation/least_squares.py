@@ -6,15 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, OperatingPoint
 from flexviz.estimation.descent import Descent, NormalEquations, Reach
 from flexviz.estimation.linear_algebra import Bounds
 from flexviz.estimation.prior import Prior
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STIFFER = 0.1  # times its compliance: a stiffness may grow at most tenfold in one step, and fall at will
 SAMPLES_TOGETHER = 4000  # weighted at a time
@@ -61,7 +58,6 @@ def gauss_newton(
     x: Array,
     *,
     after: OperatingPoint | None = None,
-    mask: Bools | None = None,
     reweightings: int = 3,
     max_iterations: int = 60,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
@@ -76,7 +72,6 @@ def gauss_newton(
         bounds: bounds of the parameters.
         x: feasible start, shape (P,).
         after: operating point of an earlier fit of the same equation.
-        mask: shape (N, n), samples to use; default: all.
         reweightings: number of estimates of σ; `STATE_REWEIGHTINGS` more for effects with a state.
         max_iterations: over all reweightings.
         report: called with x, cost and step length; may raise `Stopped`.
@@ -89,7 +84,7 @@ def gauss_newton(
         if np.isfinite(descent.came):
             report(descent.place.x, descent.place.objective, descent.came)
 
-    problem = PlainProblem(equation, prior, mask)
+    problem = PlainProblem(equation, prior)
     start = problem.start(x, equation.at(x, after))
     reach = Reach(bounds, prior.feasible, equation.layout.compliance, (STIFFER, np.inf))
     descent = Descent(problem, reach, start, damped=True, accelerated=True, watch=tell)
@@ -114,9 +109,8 @@ def gauss_newton(
 class PlainProblem:
     """½ Σ (r/σ)² + prior at fixed weights 1/σ, a `Problem` of `Descent`."""
 
-    def __init__(self, equation: Equation, prior: Prior, mask: Bools | None = None) -> None:
+    def __init__(self, equation: Equation, prior: Prior) -> None:
         self.equation, self.prior = equation, prior
-        self._used = np.ones(equation.signals.tau.shape[1:], bool) if mask is None else mask
 
     def start(self, x: Array, point: OperatingPoint) -> Solution:
         """The state at x, shape (P,), weighted by its own residual."""
@@ -145,14 +139,12 @@ class PlainProblem:
         point = self.equation.at(now.x, now.point)
         changed = point is not now.point
         new = self._weighted(replace(now, point=point, evaluation=point.evaluate(now.x)) if changed else now)
-        used = new.weights > 0
-        return new, not changed and np.allclose(new.weights[used], now.weights[used], rtol=0.02)
+        return new, not changed and np.allclose(new.weights, now.weights, rtol=0.02)
 
     def _weighted(self, now: Solution) -> Solution:
         floor = 1e-9 * np.sqrt(np.mean(self.equation.signals.tau[0] ** 2, axis=0)) + 1e-12
-        count = np.maximum(self._used.sum(axis=0), 1)
-        sigma = np.sqrt((now.evaluation.residual**2 * self._used).sum(axis=0) / count)
-        weights = self._used / np.maximum(sigma, floor)
+        sigma = np.sqrt(np.mean(now.evaluation.residual**2, axis=0))
+        weights = np.broadcast_to(1 / np.maximum(sigma, floor), now.evaluation.residual.shape)
         return replace(
             now, weights=weights, objective=weighted_cost(now.evaluation, weights, self.prior, now.x)
         )

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexviz.arrays import Array, Bools
 
 REGULAR = 1e-9  # reciprocal condition from which an inverse is accurate enough
 RELEASE_TOLERANCE = 1e-9  # share of the largest gradient below which a bound is not left
@@ -59,9 +58,7 @@ class Bounds:
         return np.clip(x, self.lower, self.upper)
 
 
-def bounded_step(
-    gradient: Array, hessian: Array, x: Array, bounds: Bounds
-) -> tuple[Array, NDArray[np.bool_]]:
+def bounded_step(gradient: Array, hessian: Array, x: Array, bounds: Bounds) -> tuple[Array, Bools]:
     """Minimum of g·s + ½ s·H s with x + s within the bounds, and what is held at one, shape (P,) each.
 
     Primal active set: every step goes to the minimum over the free parameters or to the first bound in its

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.estimation.unknown_input import UnknownInput
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

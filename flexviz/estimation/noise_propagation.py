@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Indices
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout, LinkTerms, local_compliance, time_constants
 from flexviz.observers import ButterworthZeroPhase, Observer
 
-Array = NDArray[np.float64]
 Transfer = Callable[[Array, int], Array]  # (ω, k) → complex gain to the k-th derivative
 
 THETA, TAU = 0, 1
@@ -78,7 +78,7 @@ class NoisePath:
     """
 
     sensor: int
-    joints: NDArray[np.intp]
+    joints: Indices
     matrices: Array
     derivatives: NoiseDerivatives
 
@@ -125,7 +125,7 @@ def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
 
 def path_through(
     sensor: int,
-    joints: NDArray[np.intp],
+    joints: Indices,
     direct: Array,
     elastic: Array,
     lag: float,
@@ -156,7 +156,7 @@ def path_through(
     return NoisePath(sensor, joints, np.concatenate((mine, through)), derivatives)
 
 
-def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoisePath]]:
+def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[Indices, NoisePath]]:
     """Paths of the noise of joint j's sensors into ∂r/∂c_j and ∂r/∂D_j.
 
     c_j and D_j change r through the elasticity c/(1 + iωDc) of joint j only, so that no other sensors matter.
@@ -216,7 +216,7 @@ def noise_density(
     return 2 * step * total
 
 
-def _kinds(layout: Layout) -> list[tuple[int, NDArray[np.intp]]]:
+def _kinds(layout: Layout) -> list[tuple[int, Indices]]:
     """(sensor, joints) with a common noise path: those that are linear springs together, each other alone."""
     elastic = (e.joint for e in layout.effects if EFFECTS[e.effect].absorbed_by_stiffness)
     other = {j for j in elastic if j is not None}

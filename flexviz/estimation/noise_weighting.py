@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation import PulseGroup
 from flexviz.estimation.whitening import Whitener
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

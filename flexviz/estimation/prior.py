@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
-
-Array = NDArray[np.float64]
 
 
 def _basis() -> Array:

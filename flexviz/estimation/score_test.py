@@ -15,13 +15,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, Guess
 from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation.linear_algebra import scaled_inverse
 
-Array = NDArray[np.float64]
 Weigh = Callable[[Array, int], Array]  # columns (N_block, n, C) of a stretch, its index → (N_block·n, C)
 
 MIN_REMAINDER = 1e-10  # share of a signature's squared norm below which the model already contains the effect

@@ -6,16 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout, LinkDynamics, OperatingPoint, Signals
 from flexviz.estimation.linear_algebra import Bounds, scaled_solve
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.measurements import MeasurementSet
-
-Array = NDArray[np.float64]
 
 GIVEN_SPREAD = 1e-9  # prior standard deviation of a constant that is not estimated
 

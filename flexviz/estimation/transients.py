@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.estimation.thresholds import ESTIMATION
 
-Array = NDArray[np.float64]
 
-
-def outside_transients(r: Array) -> tuple[NDArray[np.bool_], float]:
+def outside_transients(r: Array) -> tuple[Bools, float]:
     """Samples of one stretch outside the transients at its ends, and what the others cost.
 
     The length of a transient depends on how the record starts. Windows of 1/80 of the stretch are dropped at

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Indices
 from flexviz.effects import EFFECTS
 from flexviz.equation import (
     Equation,
@@ -45,8 +45,6 @@ from flexviz.estimation.whitening import (
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
-
-Array = NDArray[np.float64]
 
 NARROW_HERTZ = 6.0
 SAMPLES_PER_CYCLE = 3.6  # Nyquist rate: the flat filter ends at 1.8 w
@@ -294,7 +292,7 @@ class TwoBandData:
         return total
 
 
-def _wide_columns(layout: Layout) -> NDArray[np.intp]:
+def _wide_columns(layout: Layout) -> Indices:
     """Parameters whose instruments come from the wide band."""
     columns: set[int] = set()
     for effect, where in layout.effect_slices():

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation import Layout, LinkTerms, local_compliance, time_constants
 from flexviz.estimation.noise_propagation import TAU, NoisePath, path_through, signal_sensitivity
-
-Array = NDArray[np.float64]
 
 Side = Literal["motor", "transmission", "link"]
 SIDES: tuple[Side, ...] = ("motor", "transmission", "link")

@@ -7,8 +7,8 @@ from functools import partial
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.equation import LinkTerms, OperatingPoint
 from flexviz.estimation.covariance import Covariance, sandwich, spectral_covariance
 from flexviz.estimation.descent import NormalEquations
@@ -19,9 +19,6 @@ from flexviz.estimation.transients import outside_transients
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
 from flexviz.estimation.whitening import Whitener
 from flexviz.recent import Recent
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 FALLING = 0.3  # least factor beyond χ² by which a model error that is too large falls in one step
 INSTRUMENTS = partial(Recent, "instruments", 2, attrgetter("nbytes"), 2e8)  # of long records one point's

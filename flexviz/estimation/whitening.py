@@ -20,11 +20,10 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Indices
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
-from flexviz.fourier import quick_length
+from flexviz.fourier import line_counts, quick_length
 from flexviz.observers import Observer
-
-Array = NDArray[np.float64]
 
 CHUNK = 150  # samples whitened at a time: they stay in the processor's cache
 
@@ -42,7 +41,7 @@ class Whitener:
         factors: shape (T, n, n), inverse Cholesky factor of the prediction error's covariance [1/Nm].
     """
 
-    at: NDArray[np.intp]
+    at: Indices
     weights: Array
     factors: Array
 
@@ -56,7 +55,7 @@ class Whitener:
         """Number of samples N of the stretch."""
         return int(self.at[-1]) + 1 if len(self.at) else 0
 
-    def maps(self, samples: NDArray[np.intp]) -> tuple[Array, Array]:
+    def maps(self, samples: Indices) -> tuple[Array, Array]:
         """Predictor (p, M, n, n) and scale (M, n, n) of some samples, shape (M,)."""
         if len(self.at) == self.count:
             return self.weights[:, samples], self.factors[samples]
@@ -226,8 +225,7 @@ def noise_score_covariance(
     """
     length = quick_length(2 * len(weights))
     omega = np.arange(length // 2 + 1, dtype=float) * (2 * np.pi / (length * joint_step))
-    share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
-    share[0] = 1.0
+    share = line_counts(length)
     if length % 2 == 0:
         share[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
     scale = np.sqrt(share[:, None] / length * variance * raw_step / joint_step)
@@ -265,7 +263,7 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
     return Whitener(at, np.ascontiguousarray(weights.transpose(1, 0, 2, 3)), scale)
 
 
-def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Array, Array]:
+def _predict(covariance: Array, t: Indices, ridge: float) -> tuple[Array, Array]:
     """Predictor (T, p, n, n) of the samples t, and inverse Cholesky factor (T, n, n) of its error."""
     order, n = len(covariance) - 1, covariance.shape[2]
     past = np.empty((len(t), order, n, order, n))

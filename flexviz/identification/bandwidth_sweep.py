@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.identification.pipeline import identify
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import EsoGains
 from flexviz.progress import Progress, ProgressCallback, StopCallback
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.equation import Layout
 from flexviz.estimation import Solution, Start, bounded_step, normal_equations
 from flexviz.identification.result import ParameterEstimate, ResidualSummary
 from flexviz.identification.thresholds import IDENTIFICATION
 from flexviz.wording import listed, normalised, percent, plain_name
-
-Array = NDArray[np.float64]
 
 BY_DESIGN = ("stiffness", "motor_inertia")  # parameters that a healthy fit determines within their bounds
 
@@ -47,7 +45,7 @@ def unrest_by_residual(chi: Array) -> Unrest:
     return Unrest(chi / max(float(chi.sum()), 1e-300), np.zeros(0))
 
 
-def far_above_noise(residual: ResidualSummary) -> NDArray[np.bool_]:
+def far_above_noise(residual: ResidualSummary) -> Bools:
     """Joints whose error is not that of the sensors, shape (n,)."""
     return np.array(residual.rms) > IDENTIFICATION.far_above_noise * np.array(residual.noise_floor)
 

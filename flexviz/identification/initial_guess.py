@@ -8,14 +8,12 @@ The interval of an episode is found in closed form.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
 from flexviz.equation import Chain, Equation, Layout
 from flexviz.estimation import Projection, best_intervals, gauss_newton, score, start_values
 from flexviz.measurements import MeasurementSet
-
-Array = NDArray[np.float64]
 
 
 def needs_search(layout: Layout) -> bool:

@@ -7,19 +7,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.estimation import (
-    ESTIMATION,
-    Covariance,
-    Stopped,
-    TwoBandData,
-    base_parameters,
-    residual_noise,
-)
+from flexviz.estimation import ESTIMATION, Covariance, Stopped, TwoBandData, base_parameters, residual_noise
 from flexviz.estimation import refine as refine_fit
 from flexviz.identification.failure import (
     Unrest,
@@ -39,8 +32,6 @@ from flexviz.noise import check_signals, segments_noise
 from flexviz.observers import ButterworthZeroPhase, EsoGains
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.wording import normalised
-
-Array = NDArray[np.float64]
 
 
 def identify(
@@ -133,7 +124,7 @@ class _Outcome:
     x: Array
     evaluation: Evaluation
     covariance: Covariance
-    at_bound: NDArray[np.bool_]
+    at_bound: Bools
     converged: bool
     message: str
     refined: bool = False

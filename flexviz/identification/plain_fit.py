@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.errors import InputError
 from flexviz.estimation import (
@@ -25,8 +25,6 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.observers import ButterworthZeroPhase, EsoGains, Observer, make_observer
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
-
-Array = NDArray[np.float64]
 
 BAND_HERTZ = (4.0, 5.0, 6.0, 7.0, 8.5, 10.0)  # bands to choose from, ascending
 STIFFNESS_FACTORS = (0.1, 10.0)  # further starts if the first fails

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation import Equation, OperatingPoint, build_signals, layout_of
 from flexviz.estimation import residual_noise
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import Observer
-
-Array = NDArray[np.float64]
 
 FLOOR_SAMPLES = 100  # of the pose, for the noise floor
 

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.model import FlexibleModel
 from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.progress import Iteration
 from flexviz.results import Grade, ObserverEntry, ResultDocument, curve_entries, find_parameter
 
-Array = NDArray[np.float64]
+IN_DOCUMENT = (
+    "refined", "groups", "validation_groups", "converged", "stopped", "message", "seconds",
+    "condition_number", "parameters", "residual",
+)  # of an identification, under the same name  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -195,23 +198,12 @@ class Identification:
 
     def document(self) -> ResultDocument:
         """The result as a document for files."""
-        return ResultDocument.model_validate(
-            {
-                "format": 1,
-                "set": self.set_name,
-                "observer": self.observer_entry,
-                "refined": self.refined,
-                "groups": self.groups,
-                "validation_groups": self.validation_groups,
-                "converged": self.converged,
-                "stopped": self.stopped,
-                "message": self.message,
-                "iterations": max((i.number for i in self.iterations), default=0),
-                "seconds": self.seconds,
-                "condition_number": self.condition_number,
-                "parameters": self.parameters,
-                **curve_entries(self.parameters),
-                "base_parameters": self.combinations,
-                "residual": self.residual,
-            }
-        )
+        other = {
+            "format": 1,
+            "set": self.set_name,
+            "observer": self.observer_entry,
+            "iterations": max((i.number for i in self.iterations), default=0),
+            "base_parameters": self.combinations,
+        }
+        same = {name: getattr(self, name) for name in IN_DOCUMENT}
+        return ResultDocument.model_validate(same | other | curve_entries(self.parameters))

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.equation import Equation, Evaluation, OperatingPoint, pulses
 from flexviz.identification.thresholds import IDENTIFICATION
-
-Array = NDArray[np.float64]
 
 
 def rms_between_reversals(

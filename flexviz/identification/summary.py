@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS
 from flexviz.equation import INERTIAL_NAMES, Layout
 from flexviz.estimation import BaseParameters, Covariance, Prior
@@ -12,8 +12,6 @@ from flexviz.identification.result import Combination, ParameterEstimate
 from flexviz.identification.thresholds import IDENTIFICATION, IdentificationThresholds
 from flexviz.model import INERTIAL_UNITS
 from flexviz.results import Grade
-
-Array = NDArray[np.float64]
 
 
 def grade(kind: str, std: float, scale: float, prior_share: float) -> Grade:
@@ -44,7 +42,7 @@ def parameter_estimates(
     x: Array,
     start: Array,
     covariance: Covariance,
-    at_bound: NDArray[np.bool_],
+    at_bound: Bools,
     prior: Prior,
     thresholds: IdentificationThresholds = IDENTIFICATION,
 ) -> tuple[ParameterEstimate, ...]:
@@ -154,9 +152,7 @@ def combinations(
     return tuple(out)
 
 
-def condition_number(
-    jacobian: Array, layout: Layout, base: BaseParameters, at_bound: NDArray[np.bool_]
-) -> float:
+def condition_number(jacobian: Array, layout: Layout, base: BaseParameters, at_bound: Bools) -> float:
     """Of the weighted Jacobian (M, P), columns scaled to unit length, over base and joint parameters."""
     columns = [c for c in base.columns] + [
         k for k in range(layout.inertial.stop, layout.size) if not at_bound[k]

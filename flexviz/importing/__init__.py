@@ -1,7 +1,5 @@
 """Import ROS bags, MCAP, CSV, Parquet, MATLAB, NumPy, JSON and LeRobot logs as a measurement set."""
 
-from __future__ import annotations
-
 from flexviz.importing.draft import Person, Questions
 from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs

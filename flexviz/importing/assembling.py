@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Bools, Indices
 from flexviz.errors import InputError
 from flexviz.importing.clocks import LogClock, clock_of, rows_in_order
 from flexviz.importing.formats.base import SHORTEST, Log
@@ -36,7 +36,7 @@ class Trace:
         beyond = LIMITS.continued_steps * self.step
         return float(self.time[0]) - beyond, float(self.time[-1]) + beyond
 
-    def at(self, wanted: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    def at(self, wanted: Array) -> tuple[Array, Bools, Bools]:
         """Values at `wanted` (M,) [s], where the trace covers them, and where they lie in a gap of it.
 
         Polynomials through the six nearest samples; straight lines over a gap and beyond the ends.
@@ -67,7 +67,7 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, 
     traces: Traces = {}
     notes: list[str] = []
     from_bag = log.kind not in ("CSV", "Parquet", "MATLAB", "NumPy", "JSON")
-    clocks: dict[tuple[str, str], tuple[NDArray[np.intp], Array]] = {}  # rows in order, and their times
+    clocks: dict[tuple[str, str], tuple[Indices, Array]] = {}  # rows in order, and their times
     origin: LogClock | None = None
     for joint, name, signal in sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1])):
         place = f"joints.{joint}.{name}"
@@ -150,7 +150,7 @@ def chosen_time(base: Trace, entry: LogEntry, log: Log, file: Path) -> Array:
     return time
 
 
-def needed(trace: Trace, time: Array, base: Trace, notes: list[str]) -> tuple[Array, NDArray[np.bool_]]:
+def needed(trace: Trace, time: Array, base: Trace, notes: list[str]) -> tuple[Array, Bools]:
     """A column that identification needs at `time` (N,), and where it has values."""
     if np.array_equal(trace.time, base.time):
         return trace.values[np.searchsorted(base.time, time)], np.ones(len(time), dtype=bool)
@@ -191,9 +191,7 @@ def no_overlap(trace: Trace, base: Trace, log: Log, file: Path) -> InputError:
     )
 
 
-def at_joints(
-    values: dict[tuple[str, str], Array], mapping: Mapping, name: str, keep: NDArray[np.bool_]
-) -> Array | None:
+def at_joints(values: dict[tuple[str, str], Array], mapping: Mapping, name: str, keep: Bools) -> Array | None:
     """(N, n) a signal of all joints where `keep`, NaN for those without; None where no joint has it."""
     joints = mapping.names
     if not any((joint, name) in values for joint in joints):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Indices
 from flexviz.errors import InputError
 from flexviz.importing.column_names import TIME, size_of, unit_in, words
 from flexviz.importing.formats.base import LOGGED, SHORTEST, STAMP, Log, LogTable
@@ -95,7 +95,7 @@ def called_time(name: str) -> bool:
     return bool(TIME_WORDS & set(words(name))) or unit_in(name) in TIME
 
 
-def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[NDArray[np.intp], list[str]]:
+def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[Indices, list[str]]:
     """Rows (M,) in which `time` (N,) strictly increases, and notes on what was done.
 
     Repeated instants keep the first row. Messages out of order are sorted; rows out of order are an error.

@@ -35,14 +35,8 @@ from flexviz.robot_files import mesh_names, resolve_mesh
 from flexviz.statistics import NORMAL_95
 
 FORMAT = 1  # of the report as JSON
-ABOUT_UNITS = (
-    "unit",
-    "sign",
-    "zero",
-    "coupling",
-    "jumps",
-    "unexplained",
-)  # with such an issue the torque's delay proves nothing
+# with such an issue the torque's delay proves nothing
+ABOUT_UNITS = ("unit", "sign", "zero", "coupling", "jumps", "unexplained")
 
 
 @dataclass(frozen=True)

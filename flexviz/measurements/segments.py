@@ -17,8 +17,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Indices
 from flexviz.errors import InputError
 from flexviz.measurements.data import Array, Segment
 from flexviz.measurements.tables import row_name
@@ -189,7 +189,7 @@ def interpolate(time: Array, values: Array, wanted: Array) -> Array:
     return np.einsum("mp,mp->m", weights, values[first[:, None] + POSITIONS])
 
 
-def stencil(time: Array, wanted: Array) -> tuple[NDArray[np.intp], Array]:
+def stencil(time: Array, wanted: Array) -> tuple[Indices, Array]:
     """Index of the first of six samples around each of `wanted` (m,), and their Lagrange weights (m, 6)."""
     first = np.searchsorted(time, wanted, side="right") - POINTS // 2
     first = np.clip(first, 0, len(time) - POINTS)

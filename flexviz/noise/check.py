@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet, row_name
 from flexviz.noise.group_noise import GroupNoise, group_noise
@@ -16,8 +16,6 @@ from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.results import Note
 from flexviz.robot import Robot
 from flexviz.wording import noise_text, number
-
-Array = NDArray[np.float64]
 
 POSES = 5  # at which a joint's inertia is taken
 
@@ -88,7 +86,7 @@ class _Pooled:
     size: Array
     noise: Array
     following_sudden: Array
-    noise_only: NDArray[np.bool_]
+    noise_only: Bools
 
     @staticmethod
     def of(groups: Sequence[Group], parts: Sequence[GroupNoise], robot: Robot) -> _Pooled:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.measurements import Segment
 from flexviz.noise.thresholds import THRESHOLDS
-
-Array = NDArray[np.float64]
 
 # Σ C(4, k)² = 70 is the variance of fourth differences of white noise of unit variance
 DIFFERENCE_GAIN = np.sqrt(70.0)

@@ -6,15 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.measurements import Segment, likely_limits
 from flexviz.noise.estimates import new_values, white_noise
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import Robot
 from flexviz.wording import number
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

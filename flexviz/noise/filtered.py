@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array, Bools
 from flexviz.measurements import Segment
 from flexviz.noise.estimates import new_values, resolution
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.wording import number
-
-Array = NDArray[np.float64]
 
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)  # side lobes 92 dB below: motion does not leak
 MEDIAN_OF_POWER = np.log(2.0)  # of white noise in one bin, over its mean
@@ -80,7 +78,7 @@ def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     )
 
 
-def _content(segments: Sequence[Segment], name: str, filtered: NDArray[np.bool_], least: Array) -> Array:
+def _content(segments: Sequence[Segment], name: str, filtered: Bools, least: Array) -> Array:
     """Highest frequency at which each filtered signal is above a level, shape (n,) [Hz]; else NaN."""
     found = np.full(len(filtered), np.nan)
     if filtered.any():

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.measurements import Group
 from flexviz.noise.estimates import sudden_noise, white_noise
 from flexviz.noise.faults import Fault, column_faults
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

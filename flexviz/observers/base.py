@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
 from flexviz.measurements import Segment
 from flexviz.observers.gains import EsoGains
@@ -34,7 +33,7 @@ class ObserverStates:
     theta: Array
     tau: Array
     disturbance: Array | None
-    valid: NDArray[np.bool_]
+    valid: Bools
 
 
 class Observer(ABC):
@@ -132,7 +131,7 @@ class Observer(ABC):
             valid=self.valid(segment.time),
         )
 
-    def valid(self, time: Array) -> NDArray[np.bool_]:
+    def valid(self, time: Array) -> Bools:
         """Samples outside the transients, shape (N,)."""
         start, end = self.settling()
         edge = 1e-9 * max(1.0, abs(float(time[-1])))

@@ -1,19 +1,11 @@
 """Recordings for the Rerun viewer: write, check, repair, compare, open. Only this package imports rerun."""
 
-from __future__ import annotations
-
 from flexviz.recording.comparing import compare_recordings, merge_recordings
 from flexviz.recording.files import repair_recording
 from flexviz.recording.live import LiveRecording
 from flexviz.recording.reading import Recorded, Recording, TruncatedRecording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
-from flexviz.recording.writing import (
-    RecordingFile,
-    ending_tidily,
-    record_session,
-    record_set,
-    recording_file,
-)
+from flexviz.recording.writing import RecordingFile, ending_tidily, record_session, record_set, recording_file
 
 __all__ = [
     "LiveRecording",

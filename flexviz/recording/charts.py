@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, Chart, cividis, rgb
 from flexviz.diagnosis import Finding, ResidualMap, Step
 from flexviz.recording.paths import TIME, path
@@ -21,7 +21,6 @@ from flexviz.recording.stream import Stream
 from flexviz.view import MAP_COLUMNS, map_charts, map_of
 from flexviz.wording import effect_text_name, finding_name, number
 
-Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 HEIGHT = 300.0  # of a frame
 WIDE, NARROW = 800.0, 560.0  # width of a single frame, and of one of several

@@ -9,16 +9,15 @@ from functools import cached_property, partial
 import numpy as np
 import rerun as rr
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, RobotShape, measured_motion, payload_place, robot_shape
 
-Array = NDArray[np.float64]
 RADIUS_PER_KG = 0.03  # [m/kg^⅓] of the ball that shows a payload
 ROBOT_COLOURS = {"measured": COLOURS.measured, "identified": COLOURS.model}
 VIEW = np.array([0.42, -0.84, 0.34])  # direction from the robots to the camera

@@ -11,14 +11,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
-from flexviz.wording import (
-    MergedFinding,
-    found_shares,
-    merged_findings,
-    merged_texts,
-    step_shares,
-    text_runs,
-)
+from flexviz.wording import MergedFinding, found_shares, merged_findings, merged_texts, step_shares, text_runs
 
 
 @dataclass(frozen=True, eq=False)

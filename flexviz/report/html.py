@@ -10,18 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from flexviz.charts import COLOURS, Chart, css, draw_svg, rgb
-from flexviz.report.blocks import (
-    Block,
-    Callout,
-    Cell,
-    Items,
-    Listing,
-    Paragraph,
-    ReportDocument,
-    ReportTable,
-    Section,
-    Tiles,
-)
+from flexviz.report import blocks
 from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
@@ -33,7 +22,7 @@ PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in s
 MAX_LABEL = 30  # [characters] of a callout's label
 
 
-def html(document: ReportDocument) -> str:
+def html(document: blocks.ReportDocument) -> str:
     """The whole page; figures are numbered in reading order."""
     style = Path(__file__).with_name("style.css").read_text(encoding="utf-8").partition("\n")[2]
     tags = "".join(f'<span class="tag">{escape(tag)}</span>' for tag in document.tags)
@@ -50,25 +39,25 @@ def html(document: ReportDocument) -> str:
     )
 
 
-def _section(section: Section, level: int, figures: Iterator[int]) -> str:
+def _section(section: blocks.Section, level: int, figures: Iterator[int]) -> str:
     lines = [f"<h{level}>{escape(section.title)}</h{level}>"] if section.title else []
     lines += [_block(block, figures) for block in section.blocks]
     lines += [_section(part, level + 1, figures) for part in section.parts]
     return "\n".join(["<section>", *lines, "</section>"])
 
 
-def _block(block: Block, figures: Iterator[int]) -> str:
+def _block(block: blocks.Block, figures: Iterator[int]) -> str:
     match block:
-        case Paragraph():
+        case blocks.Paragraph():
             kind = ' class="quiet"' if block.quiet else ""
             return f"<p{kind}>{escape(block.text)}</p>"
-        case Callout():
+        case blocks.Callout():
             label, colon, rest = block.text.partition(":")
             labelled = colon and len(label) < MAX_LABEL
             shown = f"<b>{escape(label)}:</b>{escape(rest)}" if labelled else escape(block.text)
             role = ' role="note"' if block.tone == "warn" else ""
             return f'<p class="callout {escape(block.tone)}"{role}>{shown}</p>'
-        case Tiles():
+        case blocks.Tiles():
             cells = "".join(
                 f'<div><dt>{escape(t.label)}</dt><dd class="value">{escape(t.value)}</dd>'
                 f'<dd class="note">{escape(t.note)}</dd></div>'
@@ -79,15 +68,15 @@ def _block(block: Block, figures: Iterator[int]) -> str:
             figure = next(figures)
             caption = f"<b>Figure {figure}. {escape(block.title)}.</b> {escape(block.description)}"
             return f"<figure>{draw_svg(block, f'f{figure}')}<figcaption>{caption}</figcaption></figure>"
-        case Items():
+        case blocks.Items():
             return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
-        case Listing():
+        case blocks.Listing():
             return f"<pre><code>{escape(block.text)}</code></pre>"
-        case ReportTable():
+        case blocks.ReportTable():
             return _table(block)
 
 
-def _table(table: ReportTable) -> str:
+def _table(table: blocks.ReportTable) -> str:
     widths, dense = column_widths(table)
     kinds = [' class="n"' if i in table.numbers else "" for i in range(len(table.head))]
     head = "".join(
@@ -104,7 +93,7 @@ def _table(table: ReportTable) -> str:
     return f'<div class="wide"><table class="{kind}">{caption}{body}</table></div>'
 
 
-def column_widths(table: ReportTable) -> tuple[list[int], bool]:
+def column_widths(table: blocks.ReportTable) -> tuple[list[int], bool]:
     """Minimum width of each column [characters] such that words stay whole if the page is wide enough.
 
     Numbers are never broken; the widest text columns shrink first. The second value is True for small print.
@@ -121,7 +110,7 @@ def column_widths(table: ReportTable) -> tuple[list[int], bool]:
     return widths, dense
 
 
-def _width(table: ReportTable, column: int) -> int:
+def _width(table: blocks.ReportTable, column: int) -> int:
     """Width of a column's longest word or number, at most `MAX_WORD`, with its gap [characters]."""
     words = table.head[column].split()
     for row in table.rows:
@@ -129,7 +118,7 @@ def _width(table: ReportTable, column: int) -> int:
     return min(max(map(len, words), default=1), MAX_WORD) + COLUMN_GAP
 
 
-def _cell(cell: Cell, number: bool) -> str:
+def _cell(cell: blocks.Cell, number: bool) -> str:
     words = f"<b>{escape(cell.text)}</b>" if cell.strong else escape(cell.text)
     classes, style = ["n"] if number else [], ""
     if cell.shade is not None:

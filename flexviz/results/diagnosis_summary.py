@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 
+from flexviz import wording
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
 from flexviz.results.assessment import hints
@@ -18,38 +19,6 @@ from flexviz.results.entries import (
     StepEntry,
 )
 from flexviz.results.tables import in_ascii, plain_table
-from flexviz.wording import (
-    SAID_AS_SHARES,
-    UNTOLD,
-    MergedFinding,
-    absorbed_list,
-    added_families,
-    confidence_of,
-    confidence_range,
-    curve_text,
-    decoys_text,
-    explained,
-    family_title,
-    finding_key,
-    found_shares,
-    location,
-    mean_nrms,
-    merged_findings,
-    moved,
-    normalised,
-    number,
-    removes_text,
-    share_text,
-    short_names,
-    span_text,
-    text_runs,
-    tied_families,
-    tied_family,
-    told_moves,
-    value_text,
-    verdict_text,
-    what_stays,
-)
 
 SHOWN_ABSORBED = 4  # parameters
 TRACE_LINES = 6  # of what was tried
@@ -61,29 +30,29 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     joints = joints_of(result)
     last = result.steps[-1] if result.steps else None
     spread = result.torque.spread if result.torque is not None else []
-    worst, left_over = what_stays(joints, last, spread)
-    out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
-    for rank, merged in enumerate(merged_findings(result.candidates, found_shares(result)), 1):
+    worst, left_over = wording.what_stays(joints, last, spread)
+    out: list[Table | str] = [wording.verdict_text(result, joints=joints, worst=worst)]
+    candidates = wording.merged_findings(result.candidates, wording.found_shares(result))
+    for rank, merged in enumerate(candidates, 1):
         out += candidate_lines(rank, merged, joints)
     out += added_lines(result)
     out += trace_lines(result, joints)
     if last is not None:
         out += steps_parts(result, joints, spread, width)
-        if absorbed := moved(step.added for step in result.steps if step.added is not None):
-            out.append(
-                f"before, this had been absorbed by {in_ascii(absorbed_list(absorbed, SHOWN_ABSORBED))}"
-            )
+        if absorbed := wording.moved(step.added for step in result.steps if step.added is not None):
+            by = in_ascii(wording.absorbed_list(absorbed, SHOWN_ABSORBED))
+            out.append(f"before, this had been absorbed by {by}")
         if result.final_verdict == "unknown" and left_over:
             out.append(left_over)
-    place = location(result.where)
+    place = wording.location(result.where)
     if result.final_verdict == "unknown" and place is not None:
         units = {(one.joint, one.variable): one.unit for one in result.maps}
         groups = [group.name for group in last.groups] if last is not None else []
-        span = in_ascii(span_text(place, units.get((place.joint, place.variable), ""), groups))
+        span = in_ascii(wording.span_text(place, units.get((place.joint, place.variable), ""), groups))
         curved = {effect.joint for effect in result.all_effects if free_curve(effect.effect) is not None}
         left = "no effect explains" if place.joint in curved else "is left"
         out.append(f"what {left} on {place.joint} follows {place.variable}, mostly {span}")
-    skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
+    skipped = {note.text for note in result.typed_notes if spread and note.kind in wording.SAID_AS_SHARES}
     skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason
     out += [f"note: {note}" for note in result.notes if note not in skipped]
     out += [f"note: {hint}" for hint in hints(result.all_parameters)]
@@ -111,24 +80,26 @@ def added_lines(result: ResultFields) -> Iterator[str]:
         if curve.form
     }
     later = [step.added for step in result.steps if step.added is not None]
-    shares = found_shares(result)
-    for added in sorted(later, key=lambda one: -shares.get(finding_key(one), 0.0)):
+    shares = wording.found_shares(result)
+    for added in sorted(later, key=lambda one: -shares.get(wording.finding_key(one), 0.0)):
         if (key(added), added.confidence) not in listed:
             found = f": {values(last[key(added)])}" if key(added) in last else ""
-            share = shares.get(finding_key(added))
-            less = f"; removes {share_text(share)} of the error" if share is not None else ""
-            sure = f"; confidence {confidence_of(added):.2f}" if added.confidence is not None else ""
+            share = shares.get(wording.finding_key(added))
+            less = f"; removes {wording.share_text(share)} of the error" if share is not None else ""
+            sure = f"; confidence {wording.confidence_of(added):.2f}" if added.confidence is not None else ""
             form = in_ascii(forms.get((added.effect, added.joint), ""))
             yield f"then added: {named(added)} on {place_text(added)}{found}{less}{sure}{form}"
 
 
-def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
+def candidate_lines(
+    rank: int, merged: wording.MergedFinding[CandidateEntry], joints: Sequence[str]
+) -> Iterator[str]:
     """A candidate with its place and values; of several joints, one value per joint."""
     first, *others = merged.members
     if not others:
         yield (
-            f"{rank:3d}. {named(first)} on {place_text(first)}: {values(first)}; {removes_text(merged)}, "
-            f"confidence {confidence_of(first):.2f}"
+            f"{rank:3d}. {named(first)} on {place_text(first)}: {values(first)}; "
+            f"{wording.removes_text(merged)}, confidence {wording.confidence_of(first):.2f}"
         )
         for tie in first.inseparable_from:
             place = f" on {tie.joint}" if tie.joint else ""
@@ -142,8 +113,8 @@ def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Se
             yield f"     the motion that would decide: flexviz design SET {options} --out DIR"
         return
     yield (
-        f"{rank:3d}. {named(first)} on {merged.place(joints)}: {removes_text(merged)}, confidence "
-        f"{confidence_range(merged.members)}"
+        f"{rank:3d}. {named(first)} on {merged.place(joints)}: {wording.removes_text(merged)}, confidence "
+        f"{wording.confidence_range(merged.members)}"
     )
     for member in merged.by_joint(joints):
         twins = ", ".join(
@@ -155,8 +126,10 @@ def candidate_lines(rank: int, merged: MergedFinding[CandidateEntry], joints: Se
 
 def named(one: CandidateEntry | AddedEntry) -> str:
     """The effect by its name on the command line, after the family that it stands for."""
-    family = tied_family(one)
-    return one.effect if family is None else f"{family_title(family.name)} ({UNTOLD}; here {one.effect})"
+    family = wording.tied_family(one)
+    if family is None:
+        return one.effect
+    return f"{wording.family_title(family.name)} ({wording.UNTOLD}; here {one.effect})"
 
 
 def place_text(one: PlaceEntry) -> str:
@@ -168,18 +141,19 @@ def place_text(one: PlaceEntry) -> str:
 def values(candidate: CandidateEntry | EffectEntry) -> str:
     """ "coulomb 3.000 ± 0.012 Nm"; of a free curve its range and its extremes."""
     if free_curve(candidate.effect) is not None:
-        return in_ascii(curve_text(list(candidate.parameters.values())))
+        return in_ascii(wording.curve_text(list(candidate.parameters.values())))
     return ", ".join(
-        in_ascii(f"{name} {value_text(candidate.effect, name, one)}")
+        in_ascii(f"{name} {wording.value_text(candidate.effect, name, one)}")
         for name, one in candidate.parameters.items()
     )
 
 
 def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
     """What the search tried: accepted moves, the best refused ones, decoys; six lines at most."""
-    moves = told_moves(result.trace, joints, added_families(result))
+    moves = wording.told_moves(result.trace, joints, wording.added_families(result))
     accepted, refused = ([m.line for m in moves if m.accepted == made] for made in (True, False))
-    decoys = [] if result.decoys is None else [decoys_text(result.decoys.accepted, result.decoys.tried)]
+    tried = result.decoys
+    decoys = [] if tried is None else [wording.decoys_text(tried.accepted, tried.tried)]
     room = TRACE_LINES - 1 - len(decoys)
     room_refused = min(len(refused), max(room // 2, room - len(accepted)))
     shown = room - room_refused
@@ -203,10 +177,10 @@ def steps_parts(
         return step.rms_validation if held_out and step.rms_validation else step.rms
 
     def cells(values: Sequence[float]) -> list[str]:
-        return [number(value, 2 if narrow else 3) for value in values]
+        return [wording.number(value, 2 if narrow else 3) for value in values]
 
     first, last = result.steps[0], result.steps[-1]
-    names = short_names(tuple(joints)) if len(joints) == len(first.rms) else [""] * len(first.rms)
+    names = wording.short_names(tuple(joints)) if len(joints) == len(first.rms) else [""] * len(first.rms)
     mean = ["mean"] if spread and len(names) > 1 else []
     unit = "% of the torque" if spread else "Nm"
     title = f"error of the {'held-out' if held_out else 'fitted'} groups [{unit}]"
@@ -217,14 +191,14 @@ def steps_parts(
     )
     table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
     for k, (name, step) in enumerate(steps):
-        share = [100 * value for value in normalised(error(step), spread)] if spread else error(step)
-        average = [100 * mean_nrms(error(step), spread)] if mean else []
+        share = [100 * value for value in wording.normalised(error(step), spread)] if spread else error(step)
+        average = [100 * wording.mean_nrms(error(step), spread)] if mean else []
         table.add_row(
             str(k) if narrow else name, *cells([*share, *average]), *([] if narrow else [step.verdict])
         )
     table.add_section()
     if spread:
-        texts = [explained(share).strip("> %") for share in normalised(error(last), spread)]
+        texts = [wording.explained(share).strip("> %") for share in wording.normalised(error(last), spread)]
         model = "last" if len(result.steps) > 1 else "present"
         table.add_row("explained" if narrow else f"torque explained by the {model} model [%]", *texts)
         table.add_row("error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last)))
@@ -239,5 +213,6 @@ def named_steps(steps: Sequence[StepEntry], joints: Sequence[str]) -> Iterator[t
     """The first model, and the last one of every run of effects of one kind, with their names."""
     yield "present model", steps[0]
     added = [step.added for step in steps[1:] if step.added is not None]
-    for name, _, last in text_runs([[one.text] for one in added], joints, tied_families(added)):
+    families = wording.tied_families(added)
+    for name, _, last in wording.text_runs([[one.text] for one in added], joints, families):
         yield f"+ {name}", steps[last + 1]

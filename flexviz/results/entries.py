@@ -13,16 +13,7 @@ from pydantic import AliasChoices, Field, ValidationInfo, field_validator, model
 
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
-from flexviz.results.base import (
-    Column,
-    Grade,
-    Note,
-    Nullable,
-    Number,
-    ResultEntry,
-    Verdict,
-    check_lengths,
-)
+from flexviz.results.base import Column, Grade, Note, Nullable, Number, ResultEntry, Verdict, check_lengths
 from flexviz.results.curves import CurveTableEntry, FreeCurveEntry, GuardEntry, MapEntry
 from flexviz.results.trace import DecoysEntry, MoveEntry
 

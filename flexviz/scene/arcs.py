@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from flexviz.arrays import Array
 from flexviz.robot import Robot
 from flexviz.scene.shape import RobotShape
 
-Array = NDArray[np.float64]
 ARC_PIECES = 16  # line segments of an arc
 LEAST_RADIUS, LARGEST_RADIUS = 0.1, 0.22  # of an arc, relative to the robot's reach
 CLEARANCE = 1.25  # radius of an arc ÷ that of the body

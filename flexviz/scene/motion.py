@@ -7,15 +7,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.scene.arcs import round_up
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
 
-Array = NDArray[np.float64]
 SAMPLE_RATE = 100.0  # [1/s] of the drawn motion; playback interpolates
 ROUND_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of the deflection
 

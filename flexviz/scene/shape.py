@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import resolve_mesh
 
-Array = NDArray[np.float64]
 MAX_FACES = 3000  # of a link's mesh; larger ones are decimated
 FIELD_OF_VIEW = np.radians(50.0)  # vertical
 LAYOUTS = SIDE_BY_SIDE, OVERLAID = ("Side by side", "Overlaid")

@@ -25,30 +25,9 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, InstanceOf, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
-from flexviz.diagnosis import (
-    Absorbed,
-    BandwidthCheck,
-    Diagnosis,
-    Evidence,
-    Family,
-    Finding,
-    FreeCurve,
-    Move,
-    ParameterCurve,
-    ResidualLocation,
-    ResidualMap,
-    Tie,
-)
-from flexviz.diagnosis import Step as DiagnosisStep
+from flexviz import diagnosis, identification
 from flexviz.errors import InputError
 from flexviz.files import remove_leftovers, write_whole
-from flexviz.identification import (
-    Combination,
-    Identification,
-    ParameterEstimate,
-    ResidualSeries,
-    ResidualSummary,
-)
 from flexviz.limits import LARGEST_UNPACKED, check_npz
 from flexviz.measurements import readable
 from flexviz.model import EffectValue, FlexibleModel
@@ -61,14 +40,16 @@ from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
-        Absorbed, Analysis, Combination, Diagnosis, EffectValue, EsoGains, Evidence, Family, Finding,
-        FlexibleModel, FreeCurve, BandwidthCheck, Identification, Iteration, Move, Note, ParameterCurve,
-        ParameterEstimate, ResidualLocation, ResidualMap, ResidualSeries, ResidualSummary, ModelStep,
-        SessionNote, SessionStep, Tie,
+        Analysis, EffectValue, EsoGains, FlexibleModel, Iteration, ModelStep, Note, SessionNote, SessionStep,
+        diagnosis.Absorbed, diagnosis.BandwidthCheck, diagnosis.Diagnosis, diagnosis.Evidence,
+        diagnosis.Family, diagnosis.Finding, diagnosis.FreeCurve, diagnosis.Move, diagnosis.ParameterCurve,
+        diagnosis.ResidualLocation, diagnosis.ResidualMap, diagnosis.Tie,
+        identification.Combination, identification.Identification, identification.ParameterEstimate,
+        identification.ResidualSeries, identification.ResidualSummary,
     )
-} | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
+} | {"DiagnosisStep": diagnosis.Step}  # fmt: skip
 NAMES = {kind: name for name, kind in KINDS.items()}
-SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
+SHARED = (identification.Identification, diagnosis.Diagnosis, diagnosis.Step)  # written once
 MAX_DEPTH = 40  # of nested values
 FOLDER = "results"
 _FILE = re.compile(rf"{FOLDER}/([0-9a-f]{{32}})\.npz")

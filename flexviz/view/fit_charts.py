@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.charts import (
     COLOURS,
     DASHED,
@@ -24,9 +24,6 @@ from flexviz.identification import Identification, SweepResult
 from flexviz.progress import Iteration
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import SYMBOLS, escape, number
-
-Array = NDArray[np.float64]
-
 
 MAX_PARAMETERS = 14  # drawn
 COST_SLACK = 1e-3  # relative rise of the cost that rounding and damping may cause within a stage

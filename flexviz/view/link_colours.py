@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, cividis, css, gradient
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.scene import RobotMotion
 from flexviz.wording import escape, number, short_names
 
-Array = NDArray[np.float64]
 Errors = PredictionErrors | DiagnosisStep
 LEAST_END = 5.0  # times the noise floor: errors below are never drawn bright
 

@@ -8,25 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.charts import (
-    COLOURS,
-    DASHED,
-    DASHES,
-    Chart,
-    ChartAxis,
-    ChartSeries,
-    Ribbon,
-    no_chart,
-    rgb,
-    thin,
-)
+from flexviz.arrays import Array, Bools
+from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb, thin
 from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, ResidualMap
 from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import escape, number, short_names
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MAP_COLUMNS = {
     "position": "pos.",
@@ -219,8 +206,8 @@ class ResidualSamples:
         variables = dict(zip(VARIABLES, columns[:-1], strict=True))
         return cls(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
 
-    def rows(self, group: str) -> Mask:
-        """Mask (N,) of the samples of a group."""
+    def rows(self, group: str) -> Bools:
+        """Bools (N,) of the samples of a group."""
         return self.group == (self.names.index(group) if group in self.names else -1)
 
     def limits(self, variable: str) -> tuple[float, float] | None:
@@ -234,7 +221,7 @@ class ResidualSamples:
         digit = 10.0 ** (np.floor(np.log10(high - low)) - 1)
         return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
 
-    def instants(self, variable: str, low: float, high: float, group: str) -> tuple[Array, Mask]:
+    def instants(self, variable: str, low: float, high: float, group: str) -> tuple[Array, Bools]:
         """Times (M,) [s] in a group, and whether the variable is in the range there."""
         rows = self.rows(group)
         values = self.variables[variable][rows]
@@ -272,7 +259,7 @@ def left_out(group: str) -> str:
     return f"{group} has no residual: the last Run ignored it (Ignore in step Data)."
 
 
-def stretches_of(time: Array, inside: Mask) -> tuple[tuple[float, float], ...]:
+def stretches_of(time: Array, inside: Bools) -> tuple[tuple[float, float], ...]:
     """The intervals of time (M,) in which all instants are inside."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(int)))
     return tuple(
@@ -281,7 +268,7 @@ def stretches_of(time: Array, inside: Mask) -> tuple[tuple[float, float], ...]:
     )
 
 
-def range_html(variable: str, low: float, high: float, inside: Mask) -> str:
+def range_html(variable: str, low: float, high: float, inside: Bools) -> str:
     """A sentence on the highlighted range."""
     if not len(inside):
         return ""

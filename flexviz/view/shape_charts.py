@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import welch
 
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries
 from flexviz.identification import Identification
 from flexviz.measurements import Group
 from flexviz.view.time_charts import model_torque
 
-Array = NDArray[np.float64]
 PHASE_POINTS = 500  # per line
 LONGEST_WINDOW = 8.0  # [s] of a spectrum
 HIGHEST_DRAWN = 40.0  # [Hz]; the observers' bands end far below

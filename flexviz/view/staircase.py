@@ -8,25 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexviz import wording
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
 from flexviz.diagnosis import BAND_HERTZ, Step
 from flexviz.effects import free_curve
 from flexviz.identification import ParameterEstimate
 from flexviz.session import ModelStep
-from flexviz.wording import (
-    curve_text,
-    effect_text_name,
-    escape,
-    interval,
-    left_text,
-    mean_nrms,
-    normalised,
-    number,
-    plain_name,
-    text_runs,
-    total_rms,
-    unit_text,
-)
 
 NO_STEPS = (
     "The error of every group after each added effect appears here, with the noise floor: "
@@ -50,8 +37,8 @@ ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
 def one_error(row: Sequence[float], joint: int | None, spread: Sequence[float]) -> float:
     """Error of one joint, or over all (None): in per cent of the torque, or in Nm without its spread."""
     if joint is not None:
-        return 100 * normalised(row, spread)[joint] if spread else float(row[joint])
-    return 100 * mean_nrms(row, spread) if spread else total_rms(row)
+        return 100 * wording.normalised(row, spread)[joint] if spread else float(row[joint])
+    return 100 * wording.mean_nrms(row, spread) if spread else wording.total_rms(row)
 
 
 def step_errors(
@@ -100,7 +87,7 @@ def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[
     for one in model_steps:
         added.append([text for text in one.effects if text not in before])
         before |= set(one.effects)
-    return text_runs(added, joints, dict(pair for one in model_steps for pair in one.families))
+    return wording.text_runs(added, joints, dict(pair for one in model_steps for pair in one.families))
 
 
 def model_name(
@@ -110,7 +97,7 @@ def model_name(
     ends = [last for _, _, last in model_runs(model_steps, joints)]
     found = next((count for count, last in enumerate(ends) if last >= index), index)
     error = one_error(_judged(model_steps[index].step)[-1], None, spread)
-    return f"model {found} ({number(error, 2)} {'%' if spread else 'Nm'})"
+    return f"model {found} ({wording.number(error, 2)} {'%' if spread else 'Nm'})"
 
 
 def staircase_chart(
@@ -153,7 +140,7 @@ def staircase_chart(
     if hatched:
         series = hatch(series, hatched)
     fell = (
-        f"{group} from {number(values[0], 3)} to {number(values[-1], 3)} {unit}"
+        f"{group} from {wording.number(values[0], 3)} to {wording.number(values[-1], 3)} {unit}"
         for group, (values, _) in errors.items()
     )
     whose = "of all joints" if joint is None else f"of {name}"
@@ -207,10 +194,10 @@ def staircase_html(
     top = max(one_error(row, None, spread) for one in model_steps for row in _judged(one.step))
     for count, (name, texts, last) in enumerate(model_runs(model_steps, joints)):
         step = model_steps[last].step
-        own = [effect_text_name(text) for text in model_steps[0].effects]
+        own = [wording.effect_text_name(text) for text in model_steps[0].effects]
         what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
-        found = "".join(f"<div>{escape(text)}</div>" for text in effect_values(texts, parameters))
-        label = f"{count}. {escape(what)}"
+        found = "".join(f"<div>{wording.escape(text)}</div>" for text in effect_values(texts, parameters))
+        label = f"{count}. {wording.escape(what)}"
         if last == shown:
             label = f"<b>{label}</b> ● shown"
         stopgap = any(map(is_stopgap, texts))
@@ -228,10 +215,11 @@ def staircase_html(
         rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
     unit = "% of the torque" if spread else "Nm"
     judged = last_step.rms_validation or last_step.rms
-    left = f"Largest: {left_text(joints, judged, spread, last_step.noise_floor)}. " if spread else ""
+    left = f"Largest: {wording.left_text(joints, judged, spread, last_step.noise_floor)}. " if spread else ""
     return (
         f'<div class="fv"><table class="fv-table"><tr><th>Error [{unit}]</th><th>fit</th><th>validation</th>'
-        f'</tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{escape(left)}{COMPARED_IN}.</div></div>'
+        f'</tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{wording.escape(left)}'
+        f"{COMPARED_IN}.</div></div>"
     )
 
 
@@ -255,7 +243,8 @@ def _bars(step: Step, spread: Sequence[float], top: float, hatched: bool) -> str
 def _error_cell(row: Sequence[float] | None, spread: Sequence[float]) -> str:
     if not row:
         return "<td>–</td>"
-    return f'<td title="{number(total_rms(row), 3)} Nm">{number(one_error(row, None, spread), 3)}</td>'
+    torque, shown = wording.number(wording.total_rms(row), 3), one_error(row, None, spread)
+    return f'<td title="{torque} Nm">{wording.number(shown, 3)}</td>'
 
 
 def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate]) -> list[str]:
@@ -267,9 +256,9 @@ def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate])
         for p in parameters:
             of, dot, name = p.name.partition(".")
             if dot and of == effect and place and place in (p.joint, p.payload):
-                shown = " ± ".join(interval(p.value, p.std))
-                values.append(f"{plain_name(name)} {shown} {unit_text(p.unit)}".rstrip())
+                shown = " ± ".join(wording.interval(p.value, p.std))
+                values.append(f"{wording.plain_name(name)} {shown} {wording.unit_text(p.unit)}".rstrip())
                 own.append(p)
-        values = [curve_text(own)] if own and free_curve(effect) is not None else values
+        values = [wording.curve_text(own)] if own and free_curve(effect) is not None else values
         out += [f"{place}: {', '.join(values)}"] if values else []
     return out

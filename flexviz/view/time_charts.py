@@ -6,18 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexviz.charts import (
-    COLOURS,
-    DASHED,
-    Chart,
-    ChartAxis,
-    ChartSeries,
-    no_chart,
-    thin,
-    time_chart,
-)
+from flexviz.arrays import Array, Bools
+from flexviz.charts import COLOURS, DASHED, Chart, ChartAxis, ChartSeries, no_chart, thin, time_chart
 from flexviz.diagnosis import Finding
 from flexviz.identification import Identification
 from flexviz.measurements import Group, Segment
@@ -25,8 +16,6 @@ from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.scene import RobotMotion
 from flexviz.view.residuals import left_out
 from flexviz.wording import finding_name, number
-
-Array = NDArray[np.float64]
 
 SIGNAL_HEIGHT, STATE_HEIGHT = 200, 150  # [px]
 MAX_FILTERED = 100_000  # samples filtered for a chart
@@ -165,7 +154,7 @@ def states_charts(
 
 def estimate(
     segments: Sequence[Segment], joint: int, observer: Observer, torque_hold: float
-) -> tuple[Array, NDArray[np.bool_], list[Array]]:
+) -> tuple[Array, Bools, list[Array]]:
     """Time, validity and θ … θ⁗, τ (and the disturbance, if estimated) of one joint, (N,) each."""
     parts: list[list[Array]] = []
     for segment in segments:
@@ -193,7 +182,7 @@ def stretch(segments: Sequence[Segment], at: float, longest: int = MAX_FILTERED)
     return [cut], f"A long recording: {cut.time[0]:.0f} to {cut.time[-1]:.0f} s are shown. "
 
 
-def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
+def settled(x: Array, valid: Array) -> tuple[Bools, str]:
     """Mask of the instants x between the transients at both ends, and a note on the omitted ones."""
     inside = (x >= valid[0]) & (x <= valid[-1]) if len(valid) else np.zeros(len(x), bool)
     if np.count_nonzero(inside) < 2:

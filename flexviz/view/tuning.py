@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, DASHED, Chart, ChartAxis, ChartSeries, no_chart, thin
 from flexviz.identification import ObservedResidual
 from flexviz.wording import escape, number
-
-Array = NDArray[np.float64]
 
 SPARK_WIDTH, SPARK_HEIGHT, SPARK_POINTS = 140, 40, 100  # [px], [px], samples drawn
 NOISE_BAND = 2.0  # noise floors: 95 % of the noise

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from flexviz import view
 from flexviz.app.page import CTRL, Page, dim, off, warning
 from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.effect_matrix import EffectMatrix
@@ -17,23 +18,9 @@ from flexviz.app.tasks import CheckParameters, Identify
 from flexviz.effects import EFFECTS
 from flexviz.identification import Identification
 from flexviz.session import Settings
-from flexviz.view import (
-    COMMON_EFFECTS,
-    addable_effects,
-    check_html,
-    effect_hint,
-    effects_note,
-    joint_effects,
-    joints_with,
-    more_effects,
-    parameters_html,
-    truth_html,
-    why_fixed,
-    with_joints,
-)
 from flexviz.wording import effect_text_name, effect_title, escape, number, plural
 
-JOINT_EFFECTS = joint_effects()
+JOINT_EFFECTS = view.joint_effects()
 SETTLE = 0.7  # [s] without another change before the next check
 
 
@@ -120,7 +107,7 @@ class IdentifyStep(WorkflowStep):
         shown = result, truth if self._truth.value else None
         if self._drawn is None or any(a is not b for a, b in zip(self._drawn, shown, strict=True)):
             self._drawn = shown  # drawn once, not at every step of a slider
-            self._table.content = truth_html(shown[1]) + parameters_html(*shown)
+            self._table.content = view.truth_html(shown[1]) + view.parameters_html(*shown)
 
 
 class EffectList:
@@ -131,11 +118,11 @@ class EffectList:
         self.boxes: dict[str, Any] = {}
         gui = page.gui
         with gui.add_folder("Effects in the model"):
-            for name in COMMON_EFFECTS:
+            for name in view.COMMON_EFFECTS:
                 self._add(name)
             self._note = gui.add_html("", visible=False)
             with gui.add_folder("More effects", expand_by_default=False):
-                for kind, names in more_effects().items():
+                for kind, names in view.more_effects().items():
                     gui.add_html(f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
                     for name in names:
                         self._add(name)
@@ -152,23 +139,25 @@ class EffectList:
         measurements = self._store.measurements
         payloads = any(group.bodies for group in measurements.groups)
         for name, box in self.boxes.items():
-            why = why_fixed(name, measurements.effects, payloads)
+            why = view.why_fixed(name, measurements.effects, payloads)
             box.disabled = bool(why)
-            box.hint = effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
+            box.hint = view.effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
 
     def _refresh(self) -> None:
         own, added = self._store.measurements.effects, self._store.analysis.effects
         joints = self._store.measurements.joints
         chosen = (*own, *added)
         for name, box in self.boxes.items():
-            everywhere = name in JOINT_EFFECTS and joints_with(name, chosen, joints) == joints
+            everywhere = name in JOINT_EFFECTS and view.joints_with(name, chosen, joints) == joints
             box.value = name in chosen or everywhere
-        hidden = [name for name in addable_effects() if name in chosen and name not in COMMON_EFFECTS]
+        hidden = [
+            name for name in view.addable_effects() if name in chosen and name not in view.COMMON_EFFECTS
+        ]
         hidden += [
             name for name in chosen if name not in self.boxes and name.partition(":")[0] not in JOINT_EFFECTS
         ]
         text = f"Also in the model: {', '.join(map(effect_text_name, hidden))}." if hidden else ""
-        text = f"{text} {effects_note(added, own)}".strip()
+        text = f"{text} {view.effects_note(added, own)}".strip()
         self._note.content = dim(escape(text))
         self._note.visible = bool(text)
 
@@ -176,7 +165,7 @@ class EffectList:
         analysis = self._store.analysis
         if name in JOINT_EFFECTS:  # on all joints or on none, wherever it was before
             joints = self._store.measurements.joints
-            effects = with_joints(name, joints if on else (), analysis.effects, joints)
+            effects = view.with_joints(name, joints if on else (), analysis.effects, joints)
             analysis = replace(analysis, effects=effects)
         else:
             analysis = analysis.with_effects([name]) if on else analysis.without_effects([name])
@@ -221,7 +210,7 @@ class ParameterCheck:
         if not self._follows or settings in (self._of, self._asked):
             return
         if analysis.up_to_date:  # the result holds it
-            self._show(settings, check_html(analysis.identification))
+            self._show(settings, view.check_html(analysis.identification))
         else:
             self._due = time.monotonic() + SETTLE
 
@@ -244,7 +233,7 @@ class ParameterCheck:
 
         def done(result: Identification) -> None:
             if settings == store.analysis.settings:
-                self._show(settings, check_html(result))
+                self._show(settings, view.check_html(result))
             else:
                 stopped()
 

@@ -21,13 +21,7 @@ from flexviz.identification import SweepResult
 from flexviz.observers import OBSERVERS, Observer, make_observer
 from flexviz.progress import Progress
 from flexviz.session import Analysis
-from flexviz.view import (
-    numbers_html,
-    observer_for,
-    sweep_bandwidths,
-    sweep_charts,
-    sweep_html,
-)
+from flexviz.view import numbers_html, observer_for, sweep_bandwidths, sweep_charts, sweep_html
 from flexviz.wording import escape, number, plural
 
 LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth

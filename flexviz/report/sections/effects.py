@@ -4,49 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexviz import wording
 from flexviz.diagnosis import Finding, ResidualLocation
 from flexviz.effects import EFFECTS, free_curve
-from flexviz.report.blocks import (
-    FIGURE_HEIGHT,
-    Block,
-    Cell,
-    Items,
-    Paragraph,
-    ReportTable,
-    Section,
-    explanation,
-    section,
-    table,
-)
+from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.view import evidence_chart, parameter_names
-from flexviz.wording import (
-    ALONG,
-    INERTIAL,
-    TRACE_TITLE,
-    MergedFinding,
-    absorbed_list,
-    added_families,
-    capitalised,
-    confidence_of,
-    confidence_range,
-    decoys_text,
-    effect_text_name,
-    effect_title,
-    finding_name,
-    found_shares,
-    kinds_text,
-    member_name,
-    merged_findings,
-    merged_texts,
-    moved,
-    removes_text,
-    share_text,
-    text_names,
-    told_moves,
-    values_text,
-    where_text,
-)
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
 MAX_ABSORBED = 4  # parameters named
@@ -67,7 +30,7 @@ FOLLOW = {
 }
 
 
-def effects(content: ReportContent) -> Section | None:
+def effects(content: ReportContent) -> blocks.Section | None:
     """One part per kind of added or proposed effects, and the ranking; None without a diagnosis."""
     if content.diagnosis is None:
         return None
@@ -75,16 +38,18 @@ def effects(content: ReportContent) -> Section | None:
     if content.proposed is not None:
         parts.append(_part("Proposed", content.proposed, content.joints, absorbed=True))
     ranking = _ranking(content)
-    candidates = explanation(
+    candidates = blocks.explanation(
         "Candidates tried on each model, best first. A candidate “explains” the share of the held-out error "
         "above the noise that it removes from that model after refitting; these shares do not add up."
     )
-    moves = [a for a in moved(content.found) if a.deviations >= MIN_DEVIATIONS]
-    absorbed = f"Before, other parameters had absorbed what was added: {absorbed_list(moves, MAX_ABSORBED)}."
-    return section(
+    moves = [a for a in wording.moved(content.found) if a.deviations >= MIN_DEVIATIONS]
+    absorbed = (
+        f"Before, other parameters had absorbed what was added: {wording.absorbed_list(moves, MAX_ABSORBED)}."
+    )
+    return blocks.section(
         "Which effects",
-        None if parts else Paragraph("No effect was added and none is proposed."),
-        Paragraph(absorbed) if moves else None,
+        None if parts else blocks.Paragraph("No effect was added and none is proposed."),
+        blocks.Paragraph(absorbed) if moves else None,
         *(() if ranking is None else (candidates, ranking)),
         parts=parts,
     )
@@ -92,57 +57,64 @@ def effects(content: ReportContent) -> Section | None:
 
 def _merged_texts(content: ReportContent) -> list[tuple[str, ...]]:
     """The added effects, those of one kind together; what removes most of the error comes first."""
-    kinds = merged_texts([name for name, _ in content.added], content.joints, content.families)
+    kinds = wording.merged_texts([name for name, _ in content.added], content.joints, content.families)
     return sorted(kinds, key=lambda texts: -(content.share_of(texts) or 0.0))
 
 
-def _added(content: ReportContent, texts: Sequence[str]) -> Section:
+def _added(content: ReportContent, texts: Sequence[str]) -> blocks.Section:
     known = {name: finding for name, finding in content.added}
     found = tuple(finding for text in texts if (finding := known[text]) is not None)
     if len(found) == len(texts):
-        return _part("Added", MergedFinding(found, content.share_of(texts)), content.joints)
-    name = text_names(texts, content.joints, content.families)[0]
+        return _part("Added", wording.MergedFinding(found, content.share_of(texts)), content.joints)
+    name = wording.text_names(texts, content.joints, content.families)[0]
     if all(map(free_curve, texts)):
         stopgap = "A stopgap, not physics: it lowers the error of the recorded motion only."
-        return section(f"Added: {name}", Paragraph(stopgap))
+        return blocks.section(f"Added: {name}", blocks.Paragraph(stopgap))
     unknown = "Added by hand, or by a diagnosis that is not in the session any more."
-    return section(f"Added: {name}", Paragraph(unknown))
+    return blocks.section(f"Added: {name}", blocks.Paragraph(unknown))
 
 
 def _part(
-    title: str, merged: MergedFinding[Finding], joints: Sequence[str], absorbed: bool = False
-) -> Section:
+    title: str, merged: wording.MergedFinding[Finding], joints: Sequence[str], absorbed: bool = False
+) -> blocks.Section:
     first, effect = merged.members[0], EFFECTS.get(merged.effect)
     many = len(merged.members) > 1
-    values = f"{values_text(first)}. " if first.parameters and not many else ""
+    values = f"{wording.values_text(first)}. " if first.parameters and not many else ""
     stopgap = effect is not None and effect.stopgap
-    sure = "a stopgap" if stopgap else f"confidence {confidence_range(merged.members)}"
-    moves = [a for a in moved(merged.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
-    charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in merged.members)
-    return section(
+    sure = "a stopgap" if stopgap else f"confidence {wording.confidence_range(merged.members)}"
+    moves = [a for a in wording.moved(merged.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
+    charts = (evidence_chart(finding, height=blocks.FIGURE_HEIGHT) for finding in merged.members)
+    return blocks.section(
         f"{title}: {merged.statement(joints)}",
-        Paragraph(f"{values}{capitalised(removes_text(merged))}; {sure}."),
-        Paragraph(kinds_text(first)) if merged.tied else None,
+        blocks.Paragraph(f"{values}{wording.capitalised(wording.removes_text(merged))}; {sure}."),
+        blocks.Paragraph(wording.kinds_text(first)) if merged.tied else None,
         _members(merged, joints) if many else None,
         None
         if effect is None
-        else explanation(f"{effect.explanation} Law: {effect.equation}. {effect.signature}"),
-        Paragraph(f"Other parameters have absorbed it: {absorbed_list(moves)}.") if moves else None,
+        else blocks.explanation(f"{effect.explanation} Law: {effect.equation}. {effect.signature}"),
+        blocks.Paragraph(f"Other parameters have absorbed it: {wording.absorbed_list(moves)}.")
+        if moves
+        else None,
         *(chart for chart in charts if chart.series),
     )
 
 
-def _members(merged: MergedFinding[Finding], joints: Sequence[str]) -> ReportTable:
+def _members(merged: wording.MergedFinding[Finding], joints: Sequence[str]) -> blocks.ReportTable:
     rows = [
-        [str(one.joint), values_text(one), share_text(confidence_of(one))] for one in merged.by_joint(joints)
+        [str(one.joint), wording.values_text(one), wording.share_text(wording.confidence_of(one))]
+        for one in merged.by_joint(joints)
     ]
-    return table(("joint", "value ± 95 %", "confidence"), rows, (2,))
+    return blocks.table(("joint", "value ± 95 %", "confidence"), rows, (2,))
 
 
-def _ranking(content: ReportContent) -> ReportTable | None:
-    rows: list[list[str | Cell]] = []
+def _ranking(content: ReportContent) -> blocks.ReportTable | None:
+    rows: list[list[str | blocks.Cell]] = []
     for index, one in enumerate(content.rounds):
-        found = merged_findings(one.diagnosis.findings, found_shares(one.diagnosis)) if one.diagnosis else []
+        found = (
+            wording.merged_findings(one.diagnosis.findings, wording.found_shares(one.diagnosis))
+            if one.diagnosis
+            else []
+        )
         chosen = content.rounds[index + 1].added if index + 1 < len(content.rounds) else ()
         leading = [finding for merged in found[:MAX_CANDIDATES] for finding in merged.members]
         for rank, finding in enumerate(leading, 1):
@@ -151,27 +123,27 @@ def _ranking(content: ReportContent) -> ReportTable | None:
                 [
                     f"model {index}",
                     str(rank),
-                    Cell(finding_name(finding), strong=added),
-                    values_text(finding),
-                    share_text(finding.score),
-                    "–" if finding.stopgap else share_text(confidence_of(finding)),
+                    blocks.Cell(wording.finding_name(finding), strong=added),
+                    wording.values_text(finding),
+                    wording.share_text(finding.score),
+                    "–" if finding.stopgap else wording.share_text(wording.confidence_of(finding)),
                     "added" if added else "",
                 ]
             )
     head = ("tried on", "rank", "effect", "value ± 95 %", "explains", "confidence", "")
-    return table(head, rows, (1, 4, 5), "Candidates") if rows else None
+    return blocks.table(head, rows, (1, 4, 5), "Candidates") if rows else None
 
 
-def why(content: ReportContent) -> Section | None:
+def why(content: ReportContent) -> blocks.Section | None:
     """Accepted moves and the best refused ones; None where the diagnosis keeps none."""
     diagnosis = content.diagnosis
     if diagnosis is None or not (diagnosis.trace or diagnosis.decoys):
         return None
-    families = added_families(diagnosis) | content.families
-    moves = told_moves(diagnosis.trace, content.joints, families, refused=REFUSED)
+    families = wording.added_families(diagnosis) | content.families
+    moves = wording.told_moves(diagnosis.trace, content.joints, families, refused=REFUSED)
     rows = [
         [
-            Cell(move.text, strong=move.accepted),
+            blocks.Cell(move.text, strong=move.accepted),
             move.delta,
             move.resolution,
             "accepted" if move.accepted else move.why or "refused",
@@ -186,53 +158,56 @@ def why(content: ReportContent) -> Section | None:
     )
     caption = "Moves of the search: decrease of the objective ± its standard error"
     decoys = diagnosis.decoys
-    return section(
-        TRACE_TITLE,
-        explanation(about) if rows else None,
-        table(head, rows, (1,), caption) if rows else None,
-        None if decoys is None else Paragraph(f"{capitalised(decoys_text(*decoys))}: {DECOYS}."),
+    return blocks.section(
+        wording.TRACE_TITLE,
+        blocks.explanation(about) if rows else None,
+        blocks.table(head, rows, (1,), caption) if rows else None,
+        None
+        if decoys is None
+        else blocks.Paragraph(f"{wording.capitalised(wording.decoys_text(*decoys))}: {DECOYS}."),
     )
 
 
-def telling_apart(content: ReportContent) -> Section | None:
+def telling_apart(content: ReportContent) -> blocks.Section | None:
     """Ties, confirmations and recommended experiments; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     found = [*content.found, *(content.proposed.members if content.proposed is not None else ())]
-    weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
+    weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in wording.INERTIAL]
     names = (
         f"Parameters of joints and effects that these data do not determine well: {parameter_names(weak)}."
     )
     steps = next_experiments(content, found)
-    return section(
+    return blocks.section(
         "What could not be told apart, and what would decide",
         _ties(found),
-        Paragraph(names) if weak else None,
-        *((Paragraph("Worth recording next:"), Items(steps)) if steps else ()),
+        blocks.Paragraph(names) if weak else None,
+        *((blocks.Paragraph("Worth recording next:"), blocks.Items(steps)) if steps else ()),
     )
 
 
-def _ties(found: Sequence[Finding]) -> Block:
+def _ties(found: Sequence[Finding]) -> blocks.Block:
     rows = [
         [
-            member_name(f),
-            effect_title(tie.effect) + where_text(tie.joint),
-            share_text(min(abs(tie.correlation), 1.0)),
+            wording.member_name(f),
+            wording.effect_title(tie.effect) + wording.where_text(tie.joint),
+            wording.share_text(min(abs(tie.correlation), 1.0)),
             tie.breaks or "no motion is known that distinguishes them",
         ]
         for f in found
         for tie in f.inseparable_from
     ]
     if not rows:
-        return Paragraph("No two effects are alike in these data.")
+        return blocks.Paragraph("No two effects are alike in these data.")
     head = ("found", "hard to tell from", "similarity", "distinguished by")
-    return table(head, rows, (2,), "Effects that these data hardly distinguish")
+    return blocks.table(head, rows, (2,), "Effects that these data hardly distinguish")
 
 
 def next_experiments(content: ReportContent, found: Sequence[Finding]) -> list[str]:
     """One sentence per experiment, the most urgent first."""
     out = [
-        f"{member_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
+        f"{wording.member_name(f)}, or {wording.effect_title(tie.effect)}"
+        f"{wording.where_text(tie.joint)}? {tie.breaks}"
         for f in found
         for tie in f.inseparable_from
         if tie.breaks
@@ -245,7 +220,7 @@ def next_experiments(content: ReportContent, found: Sequence[Finding]) -> list[s
         effect = EFFECTS.get(name)
         if effect is not None and not effect.stopgap:
             confirm = effect.confirm[:1].lower() + effect.confirm[1:]
-            out.append(f"To confirm {effect_text_name(name)}: {confirm}")
+            out.append(f"To confirm {wording.effect_text_name(name)}: {confirm}")
     return list(dict.fromkeys(out))
 
 
@@ -262,5 +237,5 @@ def _places(where: Sequence[ResidualLocation]) -> list[ResidualLocation]:
 
 def _follow(place: ResidualLocation) -> str:
     motion = FOLLOW[place.variable].format(joint=place.joint)
-    along = ALONG.get(place.variable, place.variable)
+    along = wording.ALONG.get(place.variable, place.variable)
     return f"To find the residual's dependence on {along} of {place.joint}: {motion}."

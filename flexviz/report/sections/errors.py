@@ -7,21 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexviz import view
 from flexviz.charts import Chart
 from flexviz.diagnosis import Diagnosis, ResidualMap, Step
 from flexviz.report.blocks import FIGURE_HEIGHT, Cell, ReportTable, Section, explanation, section, table
 from flexviz.report.content import ReportContent
 from flexviz.report.sections.summary import fall
-from flexviz.view import (
-    MAP_COLUMNS,
-    free_chart,
-    leading_map,
-    map_chart,
-    map_of,
-    notable,
-    spectrum_chart,
-    staircase_chart,
-)
 from flexviz.wording import explained, mean_nrms, normalised, number, text_names, total_rms
 
 MAX_MODELS = 7  # columns per table
@@ -50,7 +41,7 @@ def staircase(content: ReportContent) -> Section | None:
 
 
 def _chart(content: ReportContent, steps: Sequence[Step]) -> Chart:
-    chart = staircase_chart(steps, spread=content.spread)
+    chart = view.staircase_chart(steps, spread=content.spread)
     words = f"{fall(steps, content.spread)} {chart.description}"
     return replace(chart, description=words, height=FIGURE_HEIGHT)
 
@@ -137,12 +128,12 @@ def where(content: ReportContent) -> Section | None:
 
 def _curves(diagnosis: Diagnosis) -> list[Chart]:
     worst = diagnosis.where[0].joint if diagnosis.where else diagnosis.maps[0].joint
-    lead = leading_map(diagnosis.maps, worst)
-    spectrum = None if lead is None else map_of(diagnosis.maps, lead.joint, "frequency")
+    lead = view.leading_map(diagnosis.maps, worst)
+    spectrum = None if lead is None else view.map_of(diagnosis.maps, lead.joint, "frequency")
     return [
-        *([] if lead is None else [map_chart(lead)]),
-        *([] if spectrum is None else [spectrum_chart(spectrum)]),
-        free_chart(diagnosis.free_curve),
+        *([] if lead is None else [view.map_chart(lead)]),
+        *([] if spectrum is None else [view.spectrum_chart(spectrum)]),
+        view.free_chart(diagnosis.free_curve),
     ]
 
 
@@ -154,14 +145,14 @@ def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
         if last is not None and last.noise_floor:
             error = (last.rms_validation or last.rms)[j]
             row[1] = f"{number(error / max(last.noise_floor[j], 1e-300), 2)} ×"
-        for variable in MAP_COLUMNS:
-            found = map_of(maps, joint, variable)
+        for variable in view.MAP_COLUMNS:
+            found = view.map_of(maps, joint, variable)
             if found is None or not np.isfinite(found.explained):
                 row.append("–")
                 continue
             share = min(max(found.explained, 0.0), 1.0)
-            row.append(Cell(f"{100 * share:.0f} %", share, notable(found)))
+            row.append(Cell(f"{100 * share:.0f} %", share, view.notable(found)))
         rows.append(row)
-    head = ("joint", "residual / noise", *MAP_COLUMNS)
+    head = ("joint", "residual / noise", *view.MAP_COLUMNS)
     caption = "Share of each joint's residual that follows each variable; bold: clearly more than chance"
     return table(head, rows, range(1, len(head)), caption)

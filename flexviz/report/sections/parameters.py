@@ -8,16 +8,7 @@ import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
 from flexviz.identification import Combination, ParameterEstimate
-from flexviz.report.blocks import (
-    FIGURE_HEIGHT,
-    Cell,
-    Paragraph,
-    ReportTable,
-    Section,
-    explanation,
-    section,
-    table,
-)
+from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.view import model_curve_charts, physical
 from flexviz.wording import INERTIAL, MARKS, interval, number, plain_name, plural, unit_text
@@ -27,17 +18,17 @@ MAX_PARAMETERS = 40  # listed in the bandwidth check
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
-def parameters(content: ReportContent) -> Section | None:
+def parameters(content: ReportContent) -> blocks.Section | None:
     """Tables of joint, effect and inertial parameters; None without any result."""
     found = content.parameters
     if not found:
         return None
     inertial = [p for p in found if p.name in INERTIAL]
-    return section(
+    return blocks.section(
         "Parameters",
-        explanation(source(content)),
+        blocks.explanation(source(content)),
         _main([p for p in physical(found) if p.name not in INERTIAL]),
-        *model_curve_charts(found, FIGURE_HEIGHT),
+        *model_curve_charts(found, blocks.FIGURE_HEIGHT),
         parts=[_inertias(content, inertial)] if inertial else (),
     )
 
@@ -56,10 +47,10 @@ def source(content: ReportContent) -> str:
     )
 
 
-def _value(p: ParameterEstimate | Combination) -> tuple[Cell, str]:
+def _value(p: ParameterEstimate | Combination) -> tuple[blocks.Cell, str]:
     """A value and half of its 95 % interval."""
     value, half = interval(p.value, p.std)
-    return Cell(value, strong=True), half
+    return blocks.Cell(value, strong=True), half
 
 
 def place_of(p: ParameterEstimate) -> str:
@@ -72,7 +63,7 @@ def grade(p: ParameterEstimate | Combination) -> str:
     return f"{MARKS.get(p.identifiable, '')} {p.identifiable}"
 
 
-def _main(found: Sequence[ParameterEstimate]) -> ReportTable:
+def _main(found: Sequence[ParameterEstimate]) -> blocks.ReportTable:
     rows = []
     places = list(dict.fromkeys(place_of(p) for p in found))
     for p in sorted(found, key=lambda p: places.index(place_of(p))):
@@ -80,7 +71,7 @@ def _main(found: Sequence[ParameterEstimate]) -> ReportTable:
         mark = grade(p) + (", at its bound" if p.at_bound else "")
         rows.append([place_of(p), plain_name(p.name), *_value(p), unit_text(p.unit), mark, ties])
     head = ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to")
-    return table(head, rows, (2, 3), "Parameters of joints and effects")
+    return blocks.table(head, rows, (2, 3), "Parameters of joints and effects")
 
 
 def tied(name: str) -> str:
@@ -89,23 +80,23 @@ def tied(name: str) -> str:
     return plain_name(parameter) + (f" of {joint}" if joint else "")
 
 
-def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> Section:
+def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> blocks.Section:
     combinations = content.identification.combinations if content.identification is not None else ()
     matrix = _matrix(content, found)
     if not combinations:
-        return section("Inertias", matrix)
+        return blocks.section("Inertias", matrix)
     good = sum(c.identifiable == "yes" for c in combinations)
-    only = explanation(
+    only = blocks.explanation(
         f"Motion determines only combinations of the inertial parameters: {good} of {len(combinations)} are "
         "identifiable."
     )
     rows = [[c.name, *_value(c), unit_text(c.unit), grade(c)] for c in combinations]
     head = ("combination", "value", "± 95 %", "unit", "determined")
     title = "Identifiable combinations of inertial parameters"
-    return section("Inertias", only, table(head, rows, (1, 2), title, dense=True), matrix)
+    return blocks.section("Inertias", only, blocks.table(head, rows, (1, 2), title, dense=True), matrix)
 
 
-def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> ReportTable:
+def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> blocks.ReportTable:
     by_place = {(p.joint, p.name): p for p in found}
     rows = []
     for joint in content.joints:
@@ -115,10 +106,10 @@ def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> Repor
             row.append("–" if p is None else f"{number(p.value, 3)} {MARKS.get(p.identifiable, '')}")
         rows.append(row)
     caption = "Inertial parameters in the joint frame [kg, kg m, kg m²]; values without ● are not unique"
-    return table(("link moved by", *INERTIAL_HEAD), rows, range(1, 11), caption, dense=True)
+    return blocks.table(("link moved by", *INERTIAL_HEAD), rows, range(1, 11), caption, dense=True)
 
 
-def guard(content: ReportContent) -> Section | None:
+def guard(content: ReportContent) -> blocks.Section | None:
     """Changes with the observer's bandwidth, which are observer error; None without a diagnosis."""
     if content.diagnosis is None:
         return None
@@ -126,23 +117,23 @@ def guard(content: ReportContent) -> Section | None:
     found = content.diagnosis.guard
     if found is None:
         option = "Not examined: use the option --guard of flexviz diagnose or flexviz report."
-        return section(name, explanation(option))
+        return blocks.section(name, blocks.explanation(option))
     low, high = number(found.bandwidths[0], 3), number(found.bandwidths[-1], 3)
     holds = "Nothing changes: residuals and parameters stay within their uncertainty."
-    return section(
+    return blocks.section(
         name,
-        explanation(
+        blocks.explanation(
             f"The same model was fitted with the observer ({found.observer}) at {len(found.bandwidths)} "
             f"bandwidths from {low} to {high} rad/s. Changes with the bandwidth are observer error, not "
             "physics of the robot."
         ),
-        None if found.texts() else Paragraph(holds),
+        None if found.texts() else blocks.Paragraph(holds),
         _residuals(found),
         _at_bandwidths(found) if found.parameters else None,
     )
 
 
-def _residuals(found: BandwidthCheck) -> ReportTable:
+def _residuals(found: BandwidthCheck) -> blocks.ReportTable:
     rows = []
     for j, joint in enumerate(found.joints):
         moves = bool(found.observer_error[j])
@@ -152,15 +143,15 @@ def _residuals(found: BandwidthCheck) -> ReportTable:
                 number(found.rms[found.in_use, j], 3),
                 number(np.nanmax(found.change[:, j]), 3),
                 number(max(np.nanmax(found.change_noise[:, j]), found.noise_floor[j]), 3),
-                Cell("part is observer error" if moves else "holds", strong=moves),
+                blocks.Cell("part is observer error" if moves else "holds", strong=moves),
             ]
         )
     head = ("joint", "residual [Nm]", "largest change [Nm]", "noise explains [Nm]", "verdict")
     caption = f"Residuals at fixed parameters, compared below {number(found.band, 3)} rad/s"
-    return table(head, rows, (1, 2, 3), caption)
+    return blocks.table(head, rows, (1, 2, 3), caption)
 
 
-def _at_bandwidths(found: BandwidthCheck) -> ReportTable:
+def _at_bandwidths(found: BandwidthCheck) -> blocks.ReportTable:
     order = sorted(found.parameters, key=lambda p: (p.trusted, -p.moved))
     rows = []
     for p in order[:MAX_PARAMETERS]:
@@ -172,13 +163,13 @@ def _at_bandwidths(found: BandwidthCheck) -> ReportTable:
                 *_span(p),
                 unit_text(p.unit),
                 number(p.moved, 2),
-                Cell("trusted" if p.trusted else "not to be trusted", strong=not p.trusted),
+                blocks.Cell("trusted" if p.trusted else "not to be trusted", strong=not p.trusted),
             ]
         )
     head = ("parameter", "joint", "in use", "least", "largest", "unit", "moves by (std. errors)", "verdict")
     more = len(order) - MAX_PARAMETERS
     others = f"; {more} more that do not change" if more > 0 else ""
-    return table(head, rows, (2, 3, 4, 6), f"Parameters fitted at each bandwidth{others}", dense=True)
+    return blocks.table(head, rows, (2, 3, 4, 6), f"Parameters fitted at each bandwidth{others}", dense=True)
 
 
 def _span(p: ParameterCurve) -> tuple[str, str]:

@@ -4,28 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexviz import wording
 from flexviz.diagnosis import PredictionErrors, Step
 from flexviz.effects import free_curve
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
 from flexviz.results import hints
-from flexviz.wording import (
-    INERTIAL,
-    SAID_AS_SHARES,
-    UNTOLD,
-    listed,
-    mean_nrms,
-    merged_texts,
-    number,
-    percent,
-    plural,
-    share_text,
-    text_names,
-    torque_error_text,
-    total_rms,
-    verdict_text,
-    what_stays,
-)
 
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
 
@@ -37,10 +21,10 @@ def summary(content: ReportContent) -> Section:
     if diagnosis is not None:
         said = sentence(content)
         verdict = Callout(said, TONES.get(diagnosis.verdict, "unknown"))
-        told = (note for note in diagnosis.notes if note.kind not in SAID_AS_SHARES)
+        told = (note for note in diagnosis.notes if note.kind not in wording.SAID_AS_SHARES)
         notes = [note.text for note in told if note.text not in said]
     if diagnosis is not None and diagnosis.verdict == "unknown" and content.steps:
-        notes.insert(0, what_stays(content.joints, content.steps[-1], content.spread)[1])
+        notes.insert(0, wording.what_stays(content.joints, content.steps[-1], content.spread)[1])
     return section(
         "Summary",
         verdict,
@@ -55,27 +39,29 @@ def sentence(content: ReportContent) -> str:
     if content.diagnosis is None:
         return "Not diagnosed."
     joints, last = content.joints, content.steps[-1] if content.steps else None
-    worst, _ = what_stays(joints, last, content.spread)
+    worst, _ = wording.what_stays(joints, last, content.spread)
     added = [name for name, _ in content.added]
     names = added_names(content)
     curved = list(dict.fromkeys(name.partition(":")[2] for name in added if free_curve(name) is not None))
-    words = [verdict_text(content.diagnosis, names, joints=joints, worst=worst)]
+    words = [wording.verdict_text(content.diagnosis, names, joints=joints, worst=worst)]
     if curved:
-        words.append(f"A free curve on {listed(curved)}, which is not physics, stands for what is unknown.")
+        words.append(
+            f"A free curve on {wording.listed(curved)}, which is not physics, stands for what is unknown."
+        )
     return " ".join((*words, fall(content.steps, content.spread))).strip() if added else words[0]
 
 
 def added_names(content: ReportContent) -> list[str]:
     """The added effects with their shares of the error, the largest first; those of one kind together."""
     texts = [name for name, _ in content.added if free_curve(name) is None]
-    kinds = merged_texts(texts, content.joints, content.families)
+    kinds = wording.merged_texts(texts, content.joints, content.families)
     kinds.sort(key=lambda kind: -(content.share_of(kind) or 0.0))
     out = []
     for kind in kinds:
         share = content.share_of(kind)
-        (name,) = text_names(kind, content.joints, content.families)
-        untold = f" ({UNTOLD})" if kind[0] in content.families else ""
-        removed = "" if share is None else f": {share_text(share)} of the error"
+        (name,) = wording.text_names(kind, content.joints, content.families)
+        untold = f" ({wording.UNTOLD})" if kind[0] in content.families else ""
+        removed = "" if share is None else f": {wording.share_text(share)} of the error"
         out.append(name + untold + removed)
     return out
 
@@ -86,7 +72,7 @@ def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
         return ""
     first, last = judged(steps[0]), judged(steps[-1])
     what = "error on held-out groups" if steps[0].rms_validation else "error"
-    before, after = (torque_error_text(rms, spread) for rms in (first, last))
+    before, after = (wording.torque_error_text(rms, spread) for rms in (first, last))
     return f"The {what} went from {before} to {after}."
 
 
@@ -103,8 +89,11 @@ def numbers(content: ReportContent) -> list[Tile]:
     floor = found[-1].noise_floor if found else ()
     if errors:
         held_out = bool(found[-1].rms_validation)
-        shown = " → ".join(number(100 * mean_nrms(rms, content.spread), 2) for rms in errors) + " %"
-        torque = " → ".join(number(total_rms(rms), 3) for rms in errors)
+        shown = (
+            " → ".join(wording.number(100 * wording.mean_nrms(rms, content.spread), 2) for rms in errors)
+            + " %"
+        )
+        torque = " → ".join(wording.number(wording.total_rms(rms), 3) for rms in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
         tiles.append(
             Tile(
@@ -112,13 +101,14 @@ def numbers(content: ReportContent) -> list[Tile]:
             )
         )
     if floor:
-        note = f"rms of the joints {number(total_rms(floor), 3)} Nm, expected from measurement noise alone"
-        tiles.append(Tile("Noise floor", percent(mean_nrms(floor, content.spread)), note))
+        torque = wording.number(wording.total_rms(floor), 3)
+        note = f"rms of the joints {torque} Nm, expected from measurement noise alone"
+        tiles.append(Tile("Noise floor", wording.percent(wording.mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
-    beside = f"beside {plural(own, 'effect')} of the set" if own else ""
+    beside = f"beside {wording.plural(own, 'effect')} of the set" if own else ""
     effects = [text for text in content.analysis.effects if free_curve(text) is None]
     tiles.append(Tile("Effects added", str(len(effects)), beside))
-    main = [p for p in content.parameters if p.name not in INERTIAL]
+    main = [p for p in content.parameters if p.name not in wording.INERTIAL]
     if main:
         good = sum(p.identifiable == "yes" for p in main)
         what = "parameters of joints and effects, without inertias"
