@@ -16,8 +16,7 @@ from flexviz.diagnosis.so_far import NAMED
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.results import Note
-from flexviz.results.base import NoteKind
+from flexviz.results import Note, NoteKind
 from flexviz.wording import listed, plural
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
 from flexviz.results.assessment import assessment, hints, lacks_effects
-from flexviz.results.base import Grade, Note, Verdict
+from flexviz.results.base import Grade, Note, NoteKind, Verdict
 from flexviz.results.curves import curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
 from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ValueEntry
@@ -15,6 +15,7 @@ __all__ = [
     "EffectEntry",
     "Grade",
     "Note",
+    "NoteKind",
     "ObserverEntry",
     "ParameterNotFound",
     "ResultDocument",
