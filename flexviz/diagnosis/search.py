@@ -137,7 +137,6 @@ class Search(Generic[Model]):
                 if found is None and not chosen:
                     break
             if chosen:
-                self._refused |= {c.key: c.promise for c in chosen[: LIMITS.singles]}
                 found = self.enlarged(model, chosen, len(scored))
             idle = idle + 1 if found is None else 0
             if found is not None:
@@ -155,11 +154,12 @@ class Search(Generic[Model]):
         singles = [[c] for c in chosen[: LIMITS.singles]] if len(chosen) > 1 else []
         for some in [list(chosen), *singles]:
             larger = self.problem.with_added(model, some)
-            if not self.problem.promising(model, larger):
-                continue
-            larger = self.problem.pruned(larger)
-            if self.accepted("add", model, larger, tried):
-                return larger
+            if self.problem.promising(model, larger):
+                larger = self.problem.pruned(larger)
+                if self.accepted("add", model, larger, tried):
+                    return larger
+            if len(some) == 1:
+                self._refused[some[0].key] = some[0].promise
         return None
 
     def exchanged(self, model: Model, inner: bool) -> Model | None:
