@@ -42,7 +42,6 @@ def diagnose(
     measurements: MeasurementSet,
     *,
     apply: bool = False,
-    start: object = None,
     guarded: bool | None = None,
     free_curve: bool | None = None,
     decoys: bool = False,
@@ -59,7 +58,6 @@ def diagnose(
         measurements: the measurement set.
         apply: whether the result describes the model with the effects that were found, step by step.
             Otherwise it describes the set's own model.
-        start: not used any more: the search starts from the set's values.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": whether the final model has a free curve
