@@ -15,8 +15,6 @@ from flexviz.measurements import Group
 
 Array = NDArray[np.float64]
 
-LEAST_SPREAD = 1.0  # [K] between the fit groups' temperatures, below which none of their differences count
-
 
 def is_episode(effect: ChosenEffect) -> bool:
     """Whether an effect acts for a while in one group only."""
@@ -37,7 +35,7 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
     # joints whose temperature every group states and that differs between two fit groups
     fitted = np.array([g.temperature for g in groups if g.temperature is not None and not g.validation])
     known = len(fitted) and all(g.temperature is not None for g in groups)
-    warmed = set(np.flatnonzero(np.ptp(fitted, axis=0) >= LEAST_SPREAD).tolist() if known else ())
+    warmed = set(np.flatnonzero(np.ptp(fitted, axis=0) > 0).tolist() if known else ())
 
     def suits(place: ChosenEffect) -> bool:
         effect = EFFECTS[place.effect]

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.candidates import candidates, credible
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
+from flexviz.diagnosis.fit_context import STEPS
 from flexviz.diagnosis.model_family import ModelFamily
-from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.resolution import LIMITS, Model, Resolution, Scoring, without
 from flexviz.diagnosis.search import Candidate
@@ -41,7 +42,7 @@ class Coarse(Resolution[MotionFit]):
 
     # -- fits
 
-    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> CoarseModel:
+    def fit(self, layout: Layout, x: Array, iterations: int = STEPS) -> CoarseModel:
         """A model fitted from x, shape (P,)."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check))
 

@@ -11,7 +11,7 @@ from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.fine import Fine, FineModel
-from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.fit_context import STEPS, FitContext
 from flexviz.diagnosis.model_family import without_curves
 from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
@@ -24,8 +24,6 @@ from flexviz.equation import layout_of
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
-
-FINE_ITERATIONS = 14
 
 
 class Interrupted(Exception):
@@ -155,5 +153,5 @@ class Course:
     def ended(self, coarse: CoarseModel, resolution: str) -> SearchEnd:
         curves = tuple(filter(is_curve, coarse.layout.effects))
         plain = without_curves(coarse.fit, curves)
-        iterations = FINE_ITERATIONS if resolution == "fine" and not curves else 0
+        iterations = STEPS if resolution == "fine" and not curves else 0
         return SearchEnd(coarse, self.fine.fit(plain.layout, plain.x, iterations), resolution, curves)

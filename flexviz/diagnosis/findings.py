@@ -27,7 +27,6 @@ from flexviz.results import Verdict
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.evidence
-STAIR_ITERATIONS = 10  # of the models of the staircase
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,7 @@ def staircase(view: Coarse, model: CoarseModel, last: Stair, band: PredictionErr
     def stair(count: int) -> Stair:
         layout = Layout(own.joints, (*own.effects, *(e for e, _ in order[:count])))
         start = fit.towards(order[count][1], layout)
-        found = view.context.fit(layout, start, iterations=STAIR_ITERATIONS)
+        found = view.context.fit(layout, start, iterations=1)
         errors = band.errors(found, view.context.first_phase)
         return Stair(effects[count], layout, found.x, found.covariance, errors)
 

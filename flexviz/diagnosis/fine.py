@@ -18,7 +18,7 @@ from flexviz.diagnosis.candidates import (
 )
 from flexviz.diagnosis.criterion import Likelihood, Residuals, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
-from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.fit_context import STEPS, Fit, FitContext
 from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring
 from flexviz.diagnosis.search import Candidate
@@ -32,7 +32,7 @@ FineModel = Model[Fit]
 # mean excess, and that of one joint, which a right model may leave: without reversals of friction, and with
 TOLERATED = (0.4, 1.0), (1.5, 2.5)
 TRACE = 1e-6  # of the excess without the effects
-FIRST_LOOK, FULL = 4, 14  # steps of a trial, and of the one that goes on
+FIRST_LOOK = 4  # steps of a trial
 RIVAL = 0.5  # share of an effect's score that a rival has to reach
 
 
@@ -47,7 +47,7 @@ class Fine(Resolution[Fit]):
 
     # -- fits
 
-    def fit(self, layout: Layout, x: Array, iterations: int = FULL, near: Fit | None = None) -> FineModel:
+    def fit(self, layout: Layout, x: Array, iterations: int = STEPS, near: Fit | None = None) -> FineModel:
         """A model fitted from x, shape (P,); `near`: a fit whose whiteners can be reused."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check, near=near))
 
@@ -121,7 +121,7 @@ class Fine(Resolution[Fit]):
         best = min(trials, key=lambda m: m.fit.objective)
         if best.fit.converged or not self.promising(model, best):
             return best
-        return self.fit(best.layout, best.fit.x, FULL, best.fit)
+        return self.fit(best.layout, best.fit.x, STEPS, best.fit)
 
     def units(self, like: Likelihood) -> Array:
         return like.deviation**2
@@ -169,7 +169,7 @@ class Fine(Resolution[Fit]):
         best = model
         for s in [*rivals, *(s for s in hidden if s not in rivals)]:
             at = with_effect(there.layout, there.fit.x, s.effect, s.values)
-            found = self.fit(at.layout, at.x, FULL, model.fit)
+            found = self.fit(at.layout, at.x, STEPS, model.fit)
             if credible(found.fit, s.effect, self.raw_step) and self.gain(best, found, 0).accepted:
                 best = found
         return best

@@ -35,8 +35,7 @@ Array = NDArray[np.float64]
 
 # sufficient to distinguish models
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
-# at least, where links turn round by jerks: the edge of the filter is known less well than the noise
-JERKY_RIDGE = 1e-4
+STEPS = 20  # of a fit at most
 
 
 class Fitted(Protocol):
@@ -110,7 +109,7 @@ class FitContext:
         self.measurements = measurements
         laws = [EFFECTS[e.effect] for e in layout.effects]
         if any(law.hidden_state and law.where == "link" for law in laws):
-            weighing = replace(weighing, ridge=max(weighing.ridge, JERKY_RIDGE), products=True)
+            weighing = replace(weighing, products=True)
         held_out = measurements.validation_groups
         self.two_band = TwoBandData(measurements, measurements.fit_groups, layout, weighing)
         self.validation = TwoBandData(measurements, held_out, layout, weighing) if held_out else None
@@ -139,7 +138,7 @@ class FitContext:
         prior = start.prior
         if self.measurements.initial_stiffness is not None:
             spread = prior.spread.copy()
-            spread[layout.compliance] = THRESHOLDS.prior.stiffness_spread * start.x[layout.compliance]
+            spread[layout.compliance] = THRESHOLDS.prior.rough_spread * start.x[layout.compliance]
             prior = replace(prior, spread=spread)
         return replace(start, prior=prior, bounds=search_bounds(start, layout))
 

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
+from flexviz.diagnosis.fit_context import STEPS
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance, ScoredCandidate
 
 Array = NDArray[np.float64]
 
-SMALL_START = 1e-3  # share of a typical size from which the rich model starts
 (OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
 
 
@@ -59,7 +60,7 @@ class ModelFamily:
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         self.context, self.own, self.say = context, own, say
 
-    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
+    def fit(self, layout: Layout, x: Array, iterations: int = STEPS) -> MotionFit:
         """A model fitted from x, shape (P,)."""
         return self.context.fit(layout, x, iterations=iterations, check=lambda: self.say(""))
 
@@ -87,9 +88,9 @@ class ModelFamily:
                 continue
             law = EFFECTS[effect.effect]
             values = np.array(law.typical(self.scale(effect.joint or 0, layout, start)))
-            values[list(law.size_at)] *= SMALL_START
+            values[list(law.size_at)] *= THRESHOLDS.criterion.tolerance
             x[where] = values
-        return self.fit(layout, x, MAX_ITERATIONS // 2)  # it need not converge
+        return self.fit(layout, x, STEPS // 2)  # it need not converge
 
     def scale(self, joint: int, layout: Layout, x: Array) -> JointScale:
         """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import Phase, Phases, phases, robust_weights
+from flexviz.diagnosis.fit_context import STEPS
+from flexviz.diagnosis.motion_samples import LONGEST_EDGE, Phase, Phases, phases, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -39,10 +40,7 @@ from flexviz.recent import Recent
 Array = NDArray[np.float64]
 
 HERTZ, SAMPLES = 7.0, 4  # band of the motion, and samples of a cycle at its edge
-MAX_ITERATIONS = 25
 SETTLED = 0.5  # change of the objective that ends a fit
-LONGEST_EDGE = 0.1  # share of a stretch that is dropped at each of its ends at most
-NEAR = 8.0  # times the noise, below which rest and motion are not told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +219,9 @@ class MotionContext:
             np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
             for part in (~moving & self.used, moving)
         )
-        louder = (np.sqrt(rest) > NEAR * self.noise_floor) & (rest > THRESHOLDS.standstill.ratio**2 * motion)
+        louder = (np.sqrt(rest) > THRESHOLDS.criterion.unknown_share * self.spread) & (
+            rest > THRESHOLDS.standstill.ratio**2 * motion
+        )
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
 
@@ -234,7 +234,7 @@ class MotionContext:
         layout: Layout,
         x: Array,
         *,
-        iterations: int = MAX_ITERATIONS,
+        iterations: int = STEPS,
         check: Callable[[], None] = lambda: None,
     ) -> MotionFit:
         """Gauss–Newton with weights from the residual, which are renewed at every step.

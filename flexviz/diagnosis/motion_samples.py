@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 Phases = NDArray[np.int8]
 
 LIMITS, OUTLIER = THRESHOLDS.standstill, THRESHOLDS.criterion.outlier
+LONGEST_EDGE = 0.1  # share of the shortest stretch that is dropped at each of its ends at most
 
 
 def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> Array:
