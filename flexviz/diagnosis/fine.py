@@ -13,8 +13,8 @@ from flexviz.diagnosis.candidates import (
     credible,
     excess,
     is_episode,
-    with_effect,
-    without_effect,
+    with_effects,
+    without_effects,
 )
 from flexviz.diagnosis.criterion import Likelihood, Residuals, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
@@ -132,12 +132,12 @@ class Fine(Resolution[Fit]):
         A stiffness that has absorbed part of an elastic effect hides it from the score, and a wrong friction
         of the link does the same to friction that depends on the load.
         """
-        first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        first = with_effects(fit, {scored.effect: scored.values})
         law, joint, found = EFFECTS[scored.effect.effect], scored.effect.joint, [first]
         if not law.underrated or joint is None:
             return found
         compliance = float(fit.x[fit.layout.compliance][joint])
-        rough = float(self.context.rough_compliance[joint])
+        rough = float(self.context.start(fit.layout).x[fit.layout.compliance][joint])
         for hidden in law.hidden_starts(fit.point.torque[:, joint], compliance, rough):
             x = first.x.copy()
             x[first.layout.effect_slices()[-1][1]] = hidden.values
@@ -158,7 +158,7 @@ class Fine(Resolution[Fit]):
 
     def swapped(self, model: FineModel, effect: ChosenEffect) -> FineModel:
         """The model with the best rival in place of an effect."""
-        start = without_effect(model.layout, model.fit.x, effect)
+        start = without_effects(model.fit, [effect])
         there = self.fit(start.layout, start.x, 0, model.fit)
         wanted = candidates(start.layout, self.measurements.groups)
         ranked = self.scores(there.fit, wanted, is_episode(effect))
@@ -168,7 +168,7 @@ class Fine(Resolution[Fit]):
         hidden = [s for s in others if s.effect.joint == effect.joint and EFFECTS[s.effect.effect].underrated]
         best = model
         for s in [*rivals, *(s for s in hidden if s not in rivals)]:
-            at = with_effect(there.layout, there.fit.x, s.effect, s.values)
+            at = with_effects(there.fit, {s.effect: s.values})
             found = self.fit(at.layout, at.x, STEPS, model.fit)
             if credible(found.fit, s.effect, self.raw_step) and self.gain(best, found, 0).accepted:
                 best = found

@@ -20,16 +20,12 @@ LIMITS = THRESHOLDS.prior
 
 
 def firm_start(
-    given: MeasurementSet, signals: Signals, base: Start, layout: Layout, stand_ins: bool = False
+    given: MeasurementSet, signals: Signals, base: Start, layout: Layout, stand_ins: bool
 ) -> Start:
     """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains.
 
-    Args:
-        given: the set.
-        signals: of its fit groups.
-        base: start values of the model without effects.
-        layout: the model.
-        stand_ins: free curves only stand for what has no law.
+    `base` is the start of the model without effects, in `signals` of the fit groups; with `stand_ins` free
+    curves only stand for what has no law.
     """
     start = other_effects(base, layout, signals)
     prior, logs = start.prior, np.full(layout.size, np.inf)
