@@ -28,12 +28,9 @@ def is_episode(effect: ChosenEffect) -> bool:
 
 
 def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> list[ChosenEffect]:
-    """Every effect at every joint, payload or group that lacks it; episodes are searched separately.
+    """Every effect at every joint, payload or group of the set that lacks it, but for episodes.
 
-    Args:
-        layout: the model.
-        groups: all groups of the set.
-        many: with those that only a search for many effects considers.
+    `many`: with those that only a search for many effects considers.
     """
     have = set(layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
@@ -125,17 +122,13 @@ def scale(context: MotionContext, joint: int, layout: Layout, x: Array) -> Joint
     signals = context.signals
     torque, speed = (float(np.sqrt(np.mean(v[:, joint] ** 2))) for v in (signals.tau[0], signals.theta[1]))
     compliance, inertia = x[layout.compliance], x[layout.motor_inertia]
+    softness, viscous = float(compliance[joint]), x[layout.link_viscous] + x[layout.motor_viscous]
     return JointScale(
-        torque=torque,
-        speed=speed,
-        deflection=torque * float(compliance[joint]),
-        stiffness=1 / float(compliance[joint]),
-        motor_inertia=float(inertia[joint]),
-        neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
-        position=float(np.mean(signals.theta[0, :, joint])),
-        duration=float(np.ptp(signals.time)),
-        viscous=float(x[layout.link_viscous][joint] + x[layout.motor_viscous][joint]),
-    )
+        torque=torque, speed=speed, deflection=torque * softness, stiffness=1 / softness,
+        motor_inertia=float(inertia[joint]), neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
+        position=float(np.mean(signals.theta[0, :, joint])), duration=float(np.ptp(signals.time)),
+        viscous=float(viscous[joint]),
+    )  # fmt: skip
 
 
 def offsets_of_springs(layout: Layout) -> frozenset[ChosenEffect]:

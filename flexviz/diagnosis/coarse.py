@@ -16,7 +16,7 @@ from flexviz.diagnosis.candidates import (
     usual_model,
     with_candidates,
     with_offsets_merged,
-)  # fmt: skip
+)
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import STEPS

@@ -80,18 +80,12 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
         tied = tuple(ties(view, end.coarse, effect, rivals(course.trace, effect)))
         sure = 0.0 if is_curve(effect) else confidence(need, unsure)
         family = family_in(effect.effect, tied, sure)
-        found.append(
-            replace(
-                finding(effect, before, after, last, course.band),
-                confidence=sure / len(family.members) if family is not None and family.tied else sure,
-                inseparable_from=tied,
-                gain=float(need.delta),
-                absorbed=absorbed(before, after),
-                features=(float(need.delta), float(need.error), float(unsure)),
-                family=family,
-                share=share,
-            )
-        )
+        several = len(family.members) if family is not None and family.tied else 1
+        found.append(replace(
+            finding(effect, before, after, last, course.band), confidence=sure / several, family=family,
+            inseparable_from=tied, gain=float(need.delta), absorbed=absorbed(before, after), share=share,
+            features=(float(need.delta), float(need.error), float(unsure)),
+        ))  # fmt: skip
     return found
 
 
@@ -106,17 +100,11 @@ def finding(
 ) -> Finding:
     """An effect that a stair adds, with its parameters in the last model, and no confidence yet."""
     return Finding(
-        effect.effect,
-        last.layout.joint_name(effect),
-        effect.group,
-        effect.payload,
-        score=removed_share(before.errors, after.errors),
-        confidence=0.0,
-        parameters=own_parameters(effect, last),
-        inseparable_from=(),
-        gain=0.0,
+        effect.effect, last.layout.joint_name(effect), effect.group, effect.payload,
+        score=removed_share(before.errors, after.errors), confidence=0.0,
+        parameters=own_parameters(effect, last), inseparable_from=(), gain=0.0,
         evidence=explained_residual(effect, before, after, band),
-    )
+    )  # fmt: skip
 
 
 def family_in(effect: str, tied: Sequence[Tie], sure: float) -> Family | None:
@@ -194,14 +182,12 @@ def effect_values(stair: Stair) -> tuple[dict[str, object], ...]:
     """Effects of a model with parameters and standard errors."""
     return tuple(
         {
-            "effect": effect.effect,
-            "joint": stair.layout.joint_name(effect),
-            "group": effect.group,
+            "effect": effect.effect, "joint": stair.layout.joint_name(effect), "group": effect.group,
             "payload": effect.payload,
             "parameters": {n: v._asdict() for n, v in own_parameters(effect, stair).items()},
         }
         for effect in stair.layout.effects
-    )
+    )  # fmt: skip
 
 
 def steps(stairs: Sequence[Stair], found: Sequence[Finding], last: Verdict) -> list[Step]:

@@ -138,12 +138,8 @@ class FitContext:
     ) -> Fit:  # fmt: skip
         """Gauss–Newton on Zᵀ W r = b from x, shape (P,), repeated with damping where it leads far uphill.
 
-        Args:
-            layout: the model.
-            x: start, shape (P,).
-            iterations: maximum number of steps.
-            near: fit with nearly the same stiffness and motor inertia, whose whiteners can be reused.
-            check: called before each step; may raise to stop.
+        `near` is a fit with nearly the same stiffness and motor inertia, whose whiteners can be reused;
+        `check` is called before each step and may raise to stop.
         """
         whitening = Whitening(self.two_band.with_layout(layout), near and near.point)
         start = self.start(layout)

@@ -222,9 +222,9 @@ class MotionContext:
     def fit(
         self, layout: Layout, x: Array, *, iterations: int = STEPS, check: Callable[[], None] = lambda: None
     ) -> MotionFit:
-        """Gauss–Newton with weights from the residual, which are renewed at every step.
+        """Gauss–Newton from x, shape (P,), with weights from the residual, renewed at every step.
 
-        From x, shape (P,), by so many steps at most; `check`: called before each; may raise to stop.
+        `check` is called before each step and may raise to stop.
         """
         start = self.start(layout)
         problem = MotionProblem(self, self.equation(layout), start.prior, check)

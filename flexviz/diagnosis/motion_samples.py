@@ -19,15 +19,9 @@ LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of 
 
 
 def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Huber's weights of residuals of unknown variance.
+    """Huber's weights of residuals of unknown variance, and twice the negative log likelihood.
 
-    Args:
-        residual: shape (N, n) [Nm].
-        floor: shape (n,), smallest σ.
-        used: shape (N, n), samples that count.
-
-    Returns:
-        weights (N, n) [1/Nm], and twice the negative log likelihood.
+    Shape (N, n): residual [Nm], samples that count, weights [1/Nm]; `floor`, shape (n,): the smallest σ [Nm].
     """
     part = Residuals(residual, used, (), ())
     sigma = np.maximum(robust_deviation([part], np.maximum(used.sum(axis=0), 1), OUTLIER), floor)

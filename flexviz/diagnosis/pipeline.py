@@ -125,8 +125,8 @@ class _Description:
         """The result that describes one model, `shown`."""
         course, end, layout = self.course, self.end, shown.layout
         course.tell(stages.LOCATION)
-        fit = end.fine.fit if self.apply else self.course.fine.fit(layout, shown.x, 0).fit
-        context, unknown = self.course.fine.context, made[-1].verdict == "unknown"
+        fit = end.fine.fit if self.apply else course.fine.fit(layout, shown.x, 0).fit
+        context, unknown = course.fine.context, made[-1].verdict == "unknown"
         place = self.place(fit) if unknown and self.apply else None
         beside = BesideUnknown.of(context, fit, place)
         where, maps, parts = locate_unknown(context, fit, beside, end.changing)
@@ -139,34 +139,24 @@ class _Description:
         puzzling = unknown and end.at_noise and end.changing is None and beside is None
         if not course.stopped and (self.guarded or (self.guarded is None and puzzling)):
             course.tell(stages.BANDWIDTH)
-            guard = check_bandwidth(self.course.measurements, layout, shown.x)
-        start = self.course.view.context.start(layout)
+            guard = check_bandwidth(course.measurements, layout, shown.x)
+        start = course.view.context.start(layout)
         at_bound = (shown.x <= start.bounds.lower) | (shown.x >= start.bounds.upper)
         told = () if beside is None else beside.notes(context, parts, fit)
         # variance of the model error that the search allowed for, shape (n,) [Nm²]
         error = None if end.at_noise or not unknown else end.coarse.likelihood.deviation**2
         more = notes(fit, made[-1].verdict, shown.errors, error, curve, guard)
-        return Diagnosis(
-            set_name=self.course.measurements.name,
-            verdict=made[0].verdict,
-            findings=tuple(found),
-            where=where,
-            steps=tuple(made),
-            effects=effect_values(shown),
-            parameters=parameter_estimates(
-                layout, shown.x, start.prior.centre, shown.covariance, at_bound, start.prior
-            ),
-            seconds=time.perf_counter() - course.began,
-            stopped=course.stopped,
-            notes=(*self.notes_on_data(), *told, *more),
-            model=layout.model(shown.x),
-            maps=maps,
-            free_curve=curve,
-            guard=guard,
-            torque_spread=self.course.measurements.torque_spread,
-            trace=tuple(map(self.told, course.trace)),
-            decoys=self.counted_decoys() if self.course.view.decoys else None,
+        parameters = parameter_estimates(
+            layout, shown.x, start.prior.centre, shown.covariance, at_bound, start.prior
         )
+        return Diagnosis(
+            course.measurements.name, made[0].verdict, tuple(found), where, tuple(made), effect_values(shown),
+            parameters, seconds=time.perf_counter() - course.began, stopped=course.stopped,
+            notes=(*self.notes_on_data(), *told, *more), model=layout.model(shown.x), maps=maps,
+            free_curve=curve, guard=guard, torque_spread=course.measurements.torque_spread,
+            trace=tuple(map(self.told, course.trace)),
+            decoys=self.counted_decoys() if course.view.decoys else None,
+        )  # fmt: skip
 
     def notes_on_data(self) -> Iterator[Note]:
         """What is said of the data whatever was found."""

@@ -20,9 +20,8 @@ FREE_CURVE = "adding a free curve"
 LOCATION = "locating the residual"
 BANDWIDTH = "checking parameters against the observer's bandwidth"
 
-SHARES = {
-    USUAL: 0.1, FINE: 0.6, STAIRS: 0.75, FREE_CURVE: 0.9, LOCATION: 0.85, PLACE: 0.9, BANDWIDTH: 0.95,
-}  # fmt: skip
+# of the whole that is done when a stage begins
+SHARES = {USUAL: 0.1, FINE: 0.6, STAIRS: 0.75, LOCATION: 0.85, PLACE: 0.9, FREE_CURVE: 0.9, BANDWIDTH: 0.95}
 
 
 class Standing:
