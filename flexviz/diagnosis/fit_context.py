@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 
 # sufficient to distinguish models
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
+# at least, where links turn round by jerks: the edge of the filter is known less well than the noise
+JERKY_RIDGE = 1e-4
 STEPS = 20  # of a fit at most
 
 
@@ -103,8 +105,7 @@ class FitContext:
         self.measurements = measurements
         laws = [EFFECTS[e.effect] for e in layout.effects]
         if any(law.hidden_state and law.where == "link" for law in laws):
-            # the edge of the filter is known less well than the noise, where links turn round by jerks
-            weighing = replace(weighing, ridge=THRESHOLDS.criterion.tolerance, products=True)
+            weighing = replace(weighing, ridge=max(weighing.ridge, JERKY_RIDGE), products=True)
         held_out = measurements.validation_groups
         self.two_band = TwoBandData(measurements, measurements.fit_groups, layout, weighing)
         self.validation = TwoBandData(measurements, held_out, layout, weighing) if held_out else None
