@@ -23,7 +23,7 @@ from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring
 from flexviz.diagnosis.search import Candidate
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Layout
+from flexviz.equation import Chain, Layout
 from flexviz.estimation import Point, ScoredCandidate
 
 Array = NDArray[np.float64]
@@ -91,7 +91,9 @@ class Fine(Resolution[Fit]):
             return out.reshape(-1, columns.shape[2])
 
         narrow = self.context.two_band.with_layout(fit.layout).narrow.at(fit.x)
-        return Scoring(narrow, self.context.chain(fit), weigh, self.context.projection(fit))
+        lay = fit.layout
+        chain = Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], point.link)
+        return Scoring(narrow, chain, weigh, self.context.projection(fit))
 
     def complete(self, model: FineModel) -> bool:
         """Whether a model leaves no more than noise, and what its laws are known to leave.

@@ -41,9 +41,8 @@ def firm_start(
     weight = np.where(dummy, prior.weight, LIMITS.computed_spread**-2)
     # stiff joints do not show how viscous friction is split between motor and link
     torque, speed = (np.sqrt(np.mean(v**2, axis=0)) + 1e-9 for v in (signals.tau[0], signals.theta[1]))
-    spread[layout.link_viscous] = (
-        LIMITS.computed_spread * start.x[layout.link_viscous] + LIMITS.hidden_torque * torque / speed
-    )
+    least = LIMITS.hidden_torque * torque / speed
+    spread[layout.link_viscous] = LIMITS.computed_spread * start.x[layout.link_viscous] + least
     offsets = {e.joint for e in layout.effects if EFFECTS[e.effect].constant}
     for effect, where in layout.effect_slices():
         law = EFFECTS[effect.effect]

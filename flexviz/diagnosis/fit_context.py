@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
-from flexviz.equation import Chain, Layout
+from flexviz.equation import Layout
 from flexviz.estimation import (
     ESTIMATION,
     WIDE_HERTZ,
@@ -181,11 +181,6 @@ class FitContext:
         point, size = fit.point, fit.layout.size
         hessian = point.normal_equations(self.start(fit.layout).prior).hessian
         return Projection(point.r.ravel(), lambda: point.z.reshape(-1, size), hessian)
-
-    def chain(self, fit: Fit) -> Chain:
-        """Sensitivity of the residual to s and q at a fit."""
-        lay = fit.layout
-        return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.link)
 
 
 def search_bounds(start: Start, layout: Layout) -> Bounds:
