@@ -109,11 +109,10 @@ def never() -> bool:
 class Pace:
     """Progress of a computation whose number of stages is unknown, from the time that it takes.
 
-    The expected duration is a guess until the first stage has ended, then a multiple of that stage. The share
-    never falls.
+    No duration is expected until the first stage has ended, then a multiple of that stage. The share never
+    falls.
 
     Args:
-        guess: expected duration [s].
         first: duration of the whole relative to the first stage.
         least: time that is expected to the end at any stage, relative to the longest stage so far.
         known: text of a stage -> share that is done when it begins.
@@ -122,13 +121,12 @@ class Pace:
 
     def __init__(
         self,
-        guess: float,
         first: float,
         least: float,
         known: Mapping[str, float],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._total, self._first, self._least, self._known, self._clock = guess, first, least, known, clock
+        self._total, self._first, self._least, self._known, self._clock = 0.0, first, least, known, clock
         self._began, self._share, self._stages = clock(), 0.0, 0
         self._last, self._longest = 0.0, 0.0  # [s] beginning of the latest stage, and the longest one
 
@@ -146,7 +144,7 @@ class Pace:
         else:
             self._total = max(self._total, elapsed + self._least * self._longest)
         self._share = max(self._share, min(elapsed / self._total, 1.0)) if self._total > 0 else 0.0
-        return Progress(text, self._share, rest=max(self._total - elapsed, 0.0))
+        return Progress(text, self._share, rest=self._total - elapsed if self._total > elapsed else None)
 
     def done(self) -> Progress:
         """The end, with the time it took."""

@@ -117,11 +117,9 @@ def _completed(
     if opened.changed:
         return session
     if not analysis.diagnosis_up_to_date and analysis.groups_with("fit"):
-        known = analysis.identification if analysis.up_to_date else None
         found = diagnose(
             chosen_set(measurements, analysis),
             apply=False,
-            start=known.model if known is not None and known.converged else None,
             guarded=guard,
             progress=progress,
             should_stop=should_stop,

@@ -12,7 +12,8 @@ import pytest
 
 from flexviz.cli import main
 from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.candidates import candidates, with_effects, without_effects
+from flexviz.diagnosis.prediction_errors import Known
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
@@ -165,11 +166,11 @@ def test_adding_replaces_and_removing_undoes():
     layout = Layout(("a", "b"), (ChosenEffect("coulomb_friction", 1), ChosenEffect("torque_offset", 0)))
     x = np.arange(1.0, layout.size + 1)
     dahl = ChosenEffect("presliding_hysteresis", 1)
-    added = with_effect(layout, x, dahl, np.array([50.0, 2.0]))
+    added = with_effects(Known(layout, x), {dahl: np.array([50.0, 2.0])})
     larger, start = added.layout, added.x
     assert ChosenEffect("coulomb_friction", 1) not in larger.effects and dahl in larger.effects
     np.testing.assert_allclose(start[larger.effect_slices()[-1][1]], [50.0, 2.0])
-    left = without_effect(larger, start, dahl)
+    left = without_effects(added, [dahl])
     smaller, rest = left.layout, left.x
     assert smaller.effects == (ChosenEffect("torque_offset", 0),)
     np.testing.assert_allclose(rest[smaller.effect_start :], x[-1:])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.candidates import credible, excess, with_effect
+from flexviz.diagnosis.candidates import credible, excess, with_effects
 from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -137,7 +137,7 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     effect = ChosenEffect("torque_gain", 0)
 
     def with_value(effect: ChosenEffect, value: float) -> Fit:
-        start = with_effect(fit.layout, fit.x, effect, np.array([value]))
+        start = with_effects(fit, {effect: np.array([value])})
         layout, x = start.layout, start.x
         return replace(fit, layout=layout, x=x)
 

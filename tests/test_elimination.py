@@ -11,13 +11,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.candidates import with_effects
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, likelihood
 from flexviz.diagnosis.elimination import Linearised, by_weight, eliminate
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import without
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
@@ -271,7 +272,7 @@ def test_scores_in_the_band_of_the_motion_agree_with_fits(view: Coarse, coarse: 
         layout = without(coarse.layout, [effect])
         fit = view.fit(layout, layout.vector(coarse.layout.model(coarse.fit.x))).fit
         (score,) = view.scores(fit, [effect], episodes=False)
-        start = with_effect(layout, fit.x, effect, score.values)
+        start = with_effects(fit, {effect: score.values})
         larger = view.fit(start.layout, start.x).fit
         assert score.gain == pytest.approx(fit.objective - larger.objective, rel=0.1), effect
         assert score.values == pytest.approx(larger.x[larger.layout.effect_slice(effect)], rel=0.02)
@@ -288,7 +289,7 @@ def test_drops_and_scores_near_the_noise_agree_with_fits(fine: Fine) -> None:
         assert drops[effect].delta == pytest.approx(refitted.delta, rel=0.05, abs=1.0), effect
         assert drops[effect].error == pytest.approx(refitted.error, rel=0.1), effect
         (score,) = fine.scores(base.fit, [effect], episodes=False)
-        start = with_effect(smaller, base.fit.x, effect, score.values)
+        start = with_effects(Known(smaller, base.fit.x), {effect: score.values})
         larger = fine.fit(start.layout, start.x, near=base.fit).fit
         decrease = np.sum(base.fit.point.r**2) - np.sum(larger.point.r**2)
         assert score.gain == pytest.approx(decrease, rel=0.1, abs=0.5), effect

@@ -126,7 +126,7 @@ def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):
     branch = np.array(CURVE.branches[0])
     level = np.zeros(len(precision))
     level[branch] = context.spread[1]
-    expected = LIMITS.curve_trend**-2 + len(branch) / SIZE**2
+    expected = LIMITS.hidden_torque**-2 + len(branch) / SIZE**2
     assert level @ precision @ level == pytest.approx(expected, rel=1e-9)
 
 

@@ -13,12 +13,12 @@ LATE = {"last": 0.9}
 
 
 def pace(times: list[float]) -> Pace:
-    return Pace(40.0, 4.0, 1.2, LATE, clock=iter([0.0, *times]).__next__)
+    return Pace(4.0, 1.2, LATE, clock=iter([0.0, *times]).__next__)
 
 
 def test_the_first_stage_tells_how_long_it_will_last() -> None:
     slow = pace([0.0, 10.0, 20.0])
-    assert slow.news("survey") == Progress("survey", 0.0, rest=40.0)
+    assert slow.news("survey") == Progress("survey", 0.0)
     assert slow.news("a") == Progress("a", 0.25, rest=30.0)  # a quarter is done
     assert slow.news("b") == Progress("b", 0.5, rest=20.0)
 

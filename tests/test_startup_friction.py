@@ -105,6 +105,6 @@ def test_standstill_says_nothing_where_a_brake_holds_the_joint(moves: Measuremen
     layout = Layout(moves.joints, (COULOMB,))
     fit = view.fit(layout, view.context.start(layout).x).fit
     assert view.context.set_standstill_apart(fit)
-    assert view.context.first_phase[0] == Phase.MOTION and view.context.used[:, 0].mean() < 0.9
+    assert view.context.first_phase[0] == Phase.MOTION and view.context.used[0][:, 0].mean() < 0.9
     again = view.fit(layout, fit.x).fit
     assert not view.context.set_standstill_apart(again)  # once is enough

@@ -129,14 +129,14 @@ class DiagnosedSet:
 class Diagnose(SetTask[DiagnosedSet]):
     """Identify unless `known` is given, then diagnose; `apply` adds all findings.
 
-    `known` is the model with its bandwidth [rad/s]. Reports the stages of the diagnosis and the iterations of
-    the identification, which follows the first look at the candidates.
+    `known` is the bandwidth of the model that has been identified [rad/s]. Reports the stages of the
+    diagnosis, then the iterations of the identification.
     """
 
     patience = 6
 
     analysis: Analysis
-    known: tuple[FlexibleModel, Bandwidth] | None
+    known: Bandwidth | None
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
@@ -167,37 +167,22 @@ class Diagnose(SetTask[DiagnosedSet]):
         progress: ProgressCallback,
         should_stop: StopCallback,
     ) -> DiagnosedSet:
-        analysis, identification = self.analysis, None
-        known, bandwidth = self.known or (None, None)
-
-        def identified() -> FlexibleModel | None:
-            """Called by the diagnosis after its first look at the candidates."""
-            nonlocal identification
-            identification = identify_set()
-            if should_stop():
-                raise Cancelled
-            return identification.model if identification.converged else None
-
-        start = known or identified
-        if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
-            start = None  # values of another observer may be far from the diagnosis's start
+        analysis, identification, bandwidth = self.analysis, None, self.known
         measurements = chosen_set(analysis)
         measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
         diagnosis = diagnose(
             measurements,
             apply=self.apply,
-            start=start,
             free_curve=False,  # has a button of its own
             progress=progress,
             should_stop=should_stop,
         )
-        if known is None and identification is None:
+        if bandwidth is None:
             if diagnosis.stopped and not diagnosis.findings:
                 raise Cancelled
             identification = identify_set()
             if identification.stopped:
                 identification = _identify(analysis, progress=progress)
-        if identification is not None:
             bandwidth = bandwidth_of(identification)
         added: list[Identification] = []
         for found in diagnosed_models(diagnosis, measurements.joints)[1:] if self.apply else ():

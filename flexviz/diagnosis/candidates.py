@@ -1,21 +1,25 @@
-"""Candidate effects, models with one effect more or fewer, and whether values could be real."""
+"""Candidate effects, models with more or fewer of them, and whether values could be real."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fit_context import Fit, Judged
+from flexviz.diagnosis.fit_context import Fit, Fitted, Judged
+from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.prediction_errors import Known
-from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_curve import is_curve
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence, JointScale, neighbour
 from flexviz.equation import Layout
+from flexviz.estimation import ScoredCandidate
 from flexviz.measurements import Group
 
 Array = NDArray[np.float64]
 
-LEAST_SPREAD = 1.0  # [K] between the fit groups' temperatures, below which none of their differences count
+(OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
 
 
 def is_episode(effect: ChosenEffect) -> bool:
@@ -24,12 +28,9 @@ def is_episode(effect: ChosenEffect) -> bool:
 
 
 def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> list[ChosenEffect]:
-    """Every effect at every joint, payload or group that lacks it; episodes are searched separately.
+    """Every effect at every joint, payload or group of the set that lacks it, but for episodes.
 
-    Args:
-        layout: the model.
-        groups: all groups of the set.
-        many: with those that only a search for many effects considers.
+    `many`: with those that only a search for many effects considers.
     """
     have = set(layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
@@ -37,7 +38,7 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
     # joints whose temperature every group states and that differs between two fit groups
     fitted = np.array([g.temperature for g in groups if g.temperature is not None and not g.validation])
     known = len(fitted) and all(g.temperature is not None for g in groups)
-    warmed = set(np.flatnonzero(np.ptp(fitted, axis=0) >= LEAST_SPREAD).tolist() if known else ())
+    warmed = set(np.flatnonzero(np.ptp(fitted, axis=0) > 0).tolist() if known else ())
 
     def suits(place: ChosenEffect) -> bool:
         effect = EFFECTS[place.effect]
@@ -53,20 +54,103 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
     return [place for place in places if suits(place)]
 
 
-def with_effect(layout: Layout, x: Array, effect: ChosenEffect, values: Array) -> Known:
-    """The model with an effect added at `values` and without the effect that this replaces on its joint."""
-    replaces = EFFECTS[effect.effect].replaces
-    kept = tuple(e for e in layout.effects if not (replaces == e.effect and e.joint == effect.joint))
-    larger = Layout(layout.joints, (*kept, effect))
-    start = larger.vector(layout.model(x))
-    start[larger.effect_slices()[-1][1]] = values
-    return Known(larger, start)
+def with_effects(fit: Fitted, values: Mapping[ChosenEffect, Array]) -> Known:
+    """The model with effects at some values, without those that they replace on their joints."""
+    replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in values}
+    kept = [e for e in fit.layout.effects if (e.effect, e.joint) not in replaced]
+    layout = Layout(fit.layout.joints, (*kept, *(e for e in values if e not in kept)))
+    x = layout.vector(fit.layout.model(fit.x))
+    for effect, value in values.items():
+        x[layout.effect_slice(effect)] = value
+    return Known(layout, x)
 
 
-def without_effect(layout: Layout, x: Array, effect: ChosenEffect) -> Known:
-    """The model with one effect fewer."""
-    smaller = Layout(layout.joints, tuple(e for e in layout.effects if e != effect))
-    return Known(smaller, smaller.vector(layout.model(x)))
+def with_candidates(fit: Fitted, chosen: Sequence[ScoredCandidate]) -> Known:
+    """The model with candidates at their scored values, springs beside an offset."""
+    larger = with_effects(fit, {s.effect: s.values for s in chosen})
+    springs = (s.effect for s in chosen if EFFECTS[s.effect.effect].offset_parameter)
+    offsets = (ChosenEffect(OFFSET, spring.joint) for spring in springs)
+    return with_effects(larger, {e: np.zeros(1) for e in offsets if e not in larger.layout.effects})
+
+
+def without(layout: Layout, effects: Collection[ChosenEffect]) -> Layout:
+    """A layout without some effects."""
+    return Layout(layout.joints, tuple(e for e in layout.effects if e not in effects))
+
+
+def without_effects(fit: Fitted, effects: Collection[ChosenEffect]) -> Known:
+    """The model without some effects."""
+    smaller = without(fit.layout, effects)
+    return Known(smaller, smaller.vector(fit.layout.model(fit.x)))
+
+
+def rows_without_curves(layout: Layout) -> NDArray[np.intp]:
+    """Parameters that are not those of free curves."""
+    kept = np.ones(layout.size, bool)
+    for effect, where in layout.effect_slices():
+        kept[where] = not is_curve(effect)
+    return np.flatnonzero(kept)
+
+
+def without_curves(fit: Fitted) -> Known:
+    """A fitted model without the free curves beside which it was estimated."""
+    layout = without(fit.layout, [*filter(is_curve, fit.layout.effects)])
+    return Known(layout, fit.x[rows_without_curves(fit.layout)])
+
+
+def usual_model(context: MotionContext, own: Layout, beside: Fitted | None = None) -> Known:
+    """Every usual effect on every joint, at small sizes; `beside`: a model whose effects are kept."""
+    have = own.effects if beside is None else beside.layout.effects
+    replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in have}
+    names, joints = (name for name, law in EFFECTS.items() if law.usual), range(own.n)
+    usual = (ChosenEffect(name, joint) for name in names for joint in joints)
+    more = (e for e in usual if e not in have and (e.effect, e.joint) not in replaced)
+    layout = Layout(own.joints, (*have, *more))
+    start = context.start(layout).x
+    x = start.copy() if beside is None else layout.vector(beside.layout.model(beside.x))
+    for effect, where in layout.effect_slices():
+        if beside is None or effect not in have:
+            law = EFFECTS[effect.effect]
+            values = np.array(law.typical(scale(context, effect.joint or 0, layout, start)))
+            values[list(law.size_at)] *= THRESHOLDS.criterion.tolerance
+            x[where] = values
+    return Known(layout, x)
+
+
+def scale(context: MotionContext, joint: int, layout: Layout, x: Array) -> JointScale:
+    """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""
+    signals = context.signals
+    torque, speed = (float(np.sqrt(np.mean(v[:, joint] ** 2))) for v in (signals.tau[0], signals.theta[1]))
+    compliance, inertia = x[layout.compliance], x[layout.motor_inertia]
+    softness, viscous = float(compliance[joint]), x[layout.link_viscous] + x[layout.motor_viscous]
+    return JointScale(
+        torque=torque, speed=speed, deflection=torque * softness, stiffness=1 / softness,
+        motor_inertia=float(inertia[joint]), neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
+        position=float(np.mean(signals.theta[0, :, joint])), duration=float(np.ptp(signals.time)),
+        viscous=float(viscous[joint]),
+    )  # fmt: skip
+
+
+def offsets_of_springs(layout: Layout) -> frozenset[ChosenEffect]:
+    """Torque offsets beside a spring, whose rest angle they stand for during the search.
+
+    k (q − q₀) with both free is singular where k is small; k (q − q̄) and an offset are linear.
+    """
+    springs = {e.joint for e in layout.effects if EFFECTS[e.effect].offset_parameter}
+    return frozenset(e for e in layout.effects if e.effect == OFFSET and e.joint in springs)
+
+
+def with_offsets_merged(fit: Fitted, own: Layout) -> Known:
+    """The model in which rest angles stand for those offsets that are not the set's `own`."""
+    offsets = offsets_of_springs(fit.layout) - set(own.effects)
+    smaller = without(fit.layout, offsets)
+    x = smaller.vector(fit.layout.model(fit.x))
+    for offset in offsets:
+        torque = float(fit.x[fit.layout.effect_slice(offset).start])
+        for effect, where in smaller.effect_slices():
+            if effect.joint == offset.joint:
+                x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
+    return Known(smaller, x)
 
 
 def excess(fit: Fit) -> float:

@@ -9,11 +9,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import candidates, credible
+from flexviz.diagnosis.candidates import (
+    candidates,
+    credible,
+    offsets_of_springs,
+    usual_model,
+    with_candidates,
+    with_offsets_merged,
+)
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
-from flexviz.diagnosis.model_family import ModelFamily
-from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
+from flexviz.diagnosis.fit_context import STEPS
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring, without
 from flexviz.diagnosis.search import Candidate
@@ -33,13 +40,13 @@ class Coarse(Resolution[MotionFit]):
 
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=True)
-        self.context, self.family = context, ModelFamily(context, own, say)
+        self.context = context
         noise = np.maximum(context.noise_floor, LIMITS.tolerance * context.spread)
         self.floor = (1 + LIMITS.noise_known) * noise
 
     # -- fits
 
-    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> CoarseModel:
+    def fit(self, layout: Layout, x: Array, iterations: int = STEPS) -> CoarseModel:
         """A model fitted from x, shape (P,)."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check))
 
@@ -56,25 +63,24 @@ class Coarse(Resolution[MotionFit]):
 
     def rich(self, beside: CoarseModel | None = None) -> CoarseModel:
         """Every usual effect on every joint; `beside`: a model whose effects are kept."""
-        return self.model(self.family.usual_fit(None if beside is None else beside.fit))
+        usual = usual_model(self.context, self.own, beside and beside.fit)
+        return self.fit(usual.layout, usual.x, STEPS // 2)  # it need not converge
 
     def towards(self, model: CoarseModel, x: Array, smaller: Layout) -> Array:
         return model.fit.towards(x, smaller)
 
     def with_rest_angles(self, model: CoarseModel) -> CoarseModel:
         """The model with torque offsets beside a spring turned into the spring's rest angle."""
-        merged = self.family.with_offsets_merged(model.fit)
-        return model if merged is model.fit else self.model(merged)
+        merged = with_offsets_merged(model.fit, self.own)
+        return model if merged.layout == model.layout else self.fit(merged.layout, merged.x)
 
     # -- likelihood
 
     def residuals(self, fit: MotionFit) -> list[Residuals]:
         context = self.context
-        parts = [(fit.residual, context.used, context.signals)]
-        if fit.held_out:
-            parts.append((fit.held_out_residual, context.judged_used, context.judged_signals))
         return [
-            Residuals(r, used, half_seconds(s.blocks), [b.rows for b in s.blocks]) for r, used, s in parts
+            Residuals(r, used, half_seconds(s.blocks), [b.rows for b in s.blocks])
+            for r, used, s in zip(fit.residuals, context.used, context.parts, strict=True)
         ]
 
     def likelihood(self, fit: MotionFit) -> Likelihood:
@@ -91,18 +97,15 @@ class Coarse(Resolution[MotionFit]):
 
     def linearised(self, model: CoarseModel) -> Linearised:
         fit = model.fit
-        jacobians = [fit.point.evaluate(fit.x, moving=True).jacobian]
-        if fit.held_out:
-            jacobians.append(fit.held_out_jacobian())
         gradient, hessian = fit.prior_derivatives
         return Linearised(
-            fit.layout, fit.x, self.residuals(fit), jacobians, self.floor, fit.information + hessian,
+            fit.layout, fit.x, self.residuals(fit), fit.jacobians(), self.floor, fit.information + hessian,
             (gradient, hessian), fit.held, self.context.start(fit.layout).bounds, model.likelihood,
             LIMITS.outlier,
         )  # fmt: skip
 
     def scoring(self, fit: MotionFit) -> Scoring:
-        return Scoring(fit.point, fit.chain, self.family.weigh(fit), fit.projection)
+        return Scoring(fit.point, fit.chain, fit.weigh, fit.projection)
 
     def significant(self, model: CoarseModel) -> NDArray[np.bool_]:
         """Joints whose model error is more than noise, and a share of the torque that counts, shape (n,)."""
@@ -114,14 +117,14 @@ class Coarse(Resolution[MotionFit]):
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
         curves = filter(is_curve, layout.effects)
-        return {*super().firm(layout), *curves, *self.family.offsets_of_springs(layout)}
+        return {*super().firm(layout), *curves, *offsets_of_springs(layout)}
 
     def with_added(self, model: CoarseModel, chosen: Sequence[Candidate]) -> CoarseModel:
         """The model with candidates, fitted."""
         self.say(f"adding: {', '.join(sorted({EFFECTS[c.content.effect.effect].title for c in chosen}))}")
-        layout, x = self.family.with_candidates(model.fit, [c.content for c in chosen])
-        trial = self.fit(layout, x, EFFORT.first_look)
-        return self.fit(layout, trial.fit.x) if self.promising(model, trial) else trial
+        larger = with_candidates(model.fit, [c.content for c in chosen])
+        trial = self.fit(larger.layout, larger.x, EFFORT.first_look)
+        return self.fit(larger.layout, trial.fit.x) if self.promising(model, trial) else trial
 
     def swaps(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
         """Laws in place of those that they refine, or for which they may be mistaken."""
@@ -162,7 +165,7 @@ class Coarse(Resolution[MotionFit]):
         """The model with effects exchanged, from the values of a model that may have the new ones."""
         fit = model.fit
         springs = {e.joint for e in pairs if EFFECTS[e.effect].offset_parameter}
-        offsets = self.family.offsets_of_springs(fit.layout) - set(self.own.effects)
+        offsets = offsets_of_springs(fit.layout) - set(self.own.effects)
         gone = {offset.joint: offset for offset in offsets if offset.joint in springs}
         kept = without(fit.layout, gone.values()).effects
         layout = Layout(fit.layout.joints, tuple(pairs.get(e, e) for e in kept))
@@ -201,7 +204,8 @@ class Coarse(Resolution[MotionFit]):
             e for e in wanted if EFFECTS[e.effect].after_rest and before[e.place.own_joint] == Phase.MOTION
         ]
         scored = self.scores(there.fit, starts, episodes=False)
-        larger = self.fit(*self.family.with_candidates(there.fit, scored))
+        start = with_candidates(there.fit, scored)
+        larger = self.fit(start.layout, start.x)
         gains = [self.gain_in_start(there, larger, s.effect.place.own_joint) for s in scored]
         kept = [
             s
@@ -210,7 +214,8 @@ class Coarse(Resolution[MotionFit]):
         ]
         joints = [s.effect.place.own_joint for s in kept]
         context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
-        return self.fit(*self.family.with_candidates(there.fit, kept)) if kept else model
+        start = with_candidates(there.fit, kept)
+        return self.fit(start.layout, start.x) if kept else model
 
     def gain_in_start(self, before: CoarseModel, after: CoarseModel, joint: int) -> Gain:
         """What a larger model gains in the first movements of a joint, in units of what is left in motion."""
@@ -218,11 +223,9 @@ class Coarse(Resolution[MotionFit]):
         sigma[joint] = before.likelihood.deviation[joint]
 
         def like(model: CoarseModel) -> Likelihood:
-            parts = self.residuals(model.fit)
-            phases = [self.context.phases, self.context.judged_phases][: len(parts)]
             only = [
                 replace(p, used=p.used & (phase == Phase.START))
-                for p, phase in zip(parts, phases, strict=True)
+                for p, phase in zip(self.residuals(model.fit), self.context.phases, strict=True)
             ]
             extra = 2 * (model is after)
             return likelihood(only, sigma, 0.0, extra, np.inf, before.likelihood.times, fixed=True)

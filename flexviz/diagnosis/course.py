@@ -6,26 +6,26 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.diagnosis import so_far as stages
+from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.fine import Fine, FineModel
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.model_family import without_curves
+from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search, Tried
-from flexviz.diagnosis.so_far import Standing
+from flexviz.diagnosis.so_far import SHARES
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
 from flexviz.effects import ChosenEffect
 from flexviz.equation import layout_of
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import stopped_by
-from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
-
-FINE_ITERATIONS = 14
+from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
 
 
 class Interrupted(Exception):
@@ -37,18 +37,20 @@ class SearchEnd:
     """Where the search ended.
 
     Attributes:
-        coarse: the model at the coarse resolution.
-        fine: at the fine one, without free curves.
-        resolution: the one that decided: "coarse" where a model error is left.
-        curves: free curves beside which the model was estimated.
+        coarse, fine: the model at both resolutions, at the fine one without free curves.
+        at_noise: whether the fine one decided: no model error is left.
         changing: a size that changes during the recordings.
     """
 
     coarse: CoarseModel
     fine: FineModel
-    resolution: str
-    curves: tuple[ChosenEffect, ...]
+    at_noise: bool
     changing: ChangingSize | None = None
+
+    @property
+    def curves(self) -> tuple[ChosenEffect, ...]:
+        """Free curves beside which the model was estimated."""
+        return tuple(filter(is_curve, self.coarse.layout.effects))
 
 
 class Course:
@@ -62,28 +64,24 @@ class Course:
     """
 
     def __init__(
-        self,
-        measurements: MeasurementSet,
-        progress: ProgressCallback | None,
-        should_stop: StopCallback | None,
+        self, measurements: MeasurementSet, progress: ProgressCallback | None, should_stop: StopCallback
     ) -> None:
         self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
-        self.began, self.stopped = time.perf_counter(), False
-        self.pace, self.news = stages.pace(measurements.n), Progress()
+        self.began, self.stopped, self.searching = time.perf_counter(), False, True
+        self.pace, self.news = Pace(1 / SHARES[stages.USUAL], 1.0, SHARES), Progress()
         self.own = layout_of(measurements)
         self.band = PredictionErrorBand(measurements)
-        self.standing = Standing(self.own, self.band, self.tell_best if progress else None)
+        self.standing = stages.Standing(self.own, self.band)
         context = MotionContext(measurements, self.own.joints, stand_ins=True)
         self.view = Coarse(context, self.own, self.say)
         self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
         self.trace: list[Tried] = []
         self.best: CoarseModel | None = None
-        self.searching = True
 
     def say(self, text: str) -> None:
         """Report progress; raise `Interrupted` if the user has stopped the search."""
         if self.searching:
-            self.stopped = self.stopped or (self.should_stop is not None and self.should_stop())
+            self.stopped = self.stopped or self.should_stop()
             if self.stopped:
                 raise Interrupted
         self.tell(text)
@@ -93,10 +91,10 @@ class Course:
             self.news = replace(self.pace.news(text), so_far=self.news.so_far)
             self.progress(self.news)
 
-    def tell_best(self, best: BestSoFar) -> None:
-        """Report the best model so far."""
-        self.news = replace(self.news, so_far=best)
-        if self.progress is not None:
+    def fitted(self, fit: Fitted, first_phase: Phases | None = None) -> None:
+        """Report a model if it is the best so far."""
+        if self.progress is not None and (best := self.standing.news(fit, first_phase)) is not None:
+            self.news = replace(self.news, so_far=best)
             self.progress(self.news)
 
     def run(self) -> SearchEnd:
@@ -106,27 +104,24 @@ class Course:
         except Interrupted:
             self.searching = False
             with stopped_by(never):
-                return self.ended(self.best or self.view.bare(), "coarse")
+                return self.ended(self.best or self.view.bare(), at_noise=False)
         finally:
             self.searching = False
 
     def searched(self) -> SearchEnd:
         """The end of the search at both resolutions."""
-        coarse = self.coarse_search()
-        view = self.view
-        end = self.ended(coarse, "fine")
+        coarse, view = self.coarse_search(), self.view
+        end = self.ended(coarse, at_noise=True)
         if end.curves or (view.significant(coarse).any() and not self.fine.complete(end.fine)):
-            return replace(end, resolution="coarse")
+            return replace(end, at_noise=False)
         self.tell(stages.FINE)
         assert view.reference is not None
         self.fine.reference = end.fine.likelihood
         self.fine.explained = np.maximum(gain(view.reference, coarse.likelihood).by_joint, 0.0)
-        search = Search(self.fine, trace=self.trace)
-        found = search.run(end.fine)
-        model = end.coarse
-        if found.layout != end.coarse.layout:
-            model = view.fit(found.layout, found.fit.x, iterations=5)
-        return SearchEnd(model, found, "fine", (), changing_size(self.fine, found))
+        found = Search(self.fine, trace=self.trace).run(end.fine)
+        if found.layout != coarse.layout:
+            coarse = view.fit(found.layout, found.fit.x)
+        return SearchEnd(coarse, found, True, changing_size(self.fine, found))
 
     def coarse_search(self) -> CoarseModel:
         """The end of the search at the coarse resolution."""
@@ -134,7 +129,7 @@ class Course:
         self.say(stages.OWN_MODEL)
         bare = self.best = view.bare()
         view.reference = bare.likelihood
-        self.standing.own_model(bare.fit)
+        self.fitted(bare.fit)
         if view.at_noise(bare):
             return bare
         self.say(stages.USUAL)
@@ -157,13 +152,13 @@ class Course:
     def made(self, model: CoarseModel) -> None:
         """A model is accepted."""
         self.best = model
-        self.standing.fitted(
-            without_curves(model.fit, [*filter(is_curve, model.layout.effects)]),
-            self.view.context.first_phase,
-        )
+        self.fitted(without_curves(model.fit), self.view.context.first_phase)
 
-    def ended(self, coarse: CoarseModel, resolution: str) -> SearchEnd:
-        curves = tuple(filter(is_curve, coarse.layout.effects))
-        plain = without_curves(coarse.fit, curves)
-        iterations = FINE_ITERATIONS if resolution == "fine" and not curves else 0
-        return SearchEnd(coarse, self.fine.fit(plain.layout, plain.x, iterations), resolution, curves)
+    def ended(self, coarse: CoarseModel, at_noise: bool) -> SearchEnd:
+        plain = without_curves(coarse.fit)
+        whole = at_noise and plain.layout == coarse.layout
+        return SearchEnd(coarse, self.fine.fit(plain.layout, plain.x, STEPS if whole else 0), at_noise)
+
+    def doubtful(self, end: SearchEnd) -> NDArray[np.bool_]:
+        """Joints with a model error that an effect may imitate, shape (n,)."""
+        return self.view.significant(end.coarse) & (not end.at_noise)

@@ -91,7 +91,7 @@ def likelihood(
         fixed: the standard deviation is the floor, whatever the residuals are.
     """
     count = np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
-    sigma = floor if fixed else np.maximum(_deviation(parts, count, outlier), floor)
+    sigma = floor if fixed else np.maximum(robust_deviation(parts, count, outlier), floor)
     losses, held_out = [], []
     for k, part in enumerate(parts):
         ratio = np.abs(part.values) / sigma
@@ -108,7 +108,7 @@ def likelihood(
     )
 
 
-def _deviation(parts: Sequence[Residuals], count: Array, outlier: float) -> Array:
+def robust_deviation(parts: Sequence[Residuals], count: Array, outlier: float) -> Array:
     """Standard deviation of the residuals with outliers clipped, shape (n,)."""
     limit = np.full(len(count), np.inf)
     sigma = limit

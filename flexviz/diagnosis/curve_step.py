@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.curves import fit_free_curve
-from flexviz.diagnosis.findings import Stair, curve_finding, effect_values, made_step
+from flexviz.diagnosis.findings import Stair, effect_values, finding, made_step
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
@@ -94,12 +94,12 @@ def with_free_curve(
         places, maps, parts = locate_residual(at_noise, fit)
         left, prior = fit_free_curve(at_noise, fit, places[0], parts), context.start(layout).prior
         kept = (note for note in diagnosis.notes if note.kind not in OLD_NOTES)
-        step = made_step(curve_finding(first, last, band), last, last.errors, "unknown")
+        step = made_step(finding(layout.effects[-1], first, last, last, band), last, "unknown")
         return replace(
             diagnosis,
             where=places,
             steps=(*diagnosis.steps, step),
-            effects=effect_values(after, last.covariance.standard_errors),
+            effects=effect_values(last),
             parameters=parameter_estimates(
                 layout, after.x, prior.centre, after.covariance, after.at_bound, prior
             ),

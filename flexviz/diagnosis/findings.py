@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.coarse import Coarse, CoarseModel
+from flexviz.diagnosis.course import Course, SearchEnd
 from flexviz.diagnosis.criterion import Gain, confidence
 from flexviz.diagnosis.elimination import by_weight
-from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Family, Finding, Step, Tie
+from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.ties import ties
 from flexviz.diagnosis.unknown_curve import is_curve
@@ -23,11 +23,11 @@ from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.parallel import shared
 from flexviz.results import Verdict
+from flexviz.wording import step_shares
 
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.evidence
-STAIR_ITERATIONS = 10  # of the models of the staircase
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,79 +48,63 @@ class Stair:
     errors: PredictionErrors
 
 
-def staircase(view: Coarse, model: CoarseModel, last: Stair, band: PredictionErrorBand) -> list[Stair]:
-    """The set's own model, then one effect more at a time, the weightiest first.
-
-    Args:
-        view: fits the models on the way.
-        model: the final one at the coarse resolution.
-        last: the final one.
-        band: in which errors are stated.
-    """
-    own, fit = view.own, model.fit
+def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
+    """The set's own model, then one effect more at a time, the weightiest first, up to the `last` model."""
+    own, view, fit = course.own, course.view, end.coarse.fit
     added = [e for e in last.layout.effects if e not in own.effects]
-    laws = [e for e in added if not is_curve(e)]
-    order = by_weight(view.linearised(model), laws, view.context.spread)
+    order = by_weight(view.linearised(end.coarse), [e for e in added if not is_curve(e)], view.context.spread)
     order += [(curve, fit.x) for curve in added if is_curve(curve)]
     effects = [None, *(effect for effect, _ in order)]
 
     def stair(count: int) -> Stair:
         layout = Layout(own.joints, (*own.effects, *(e for e, _ in order[:count])))
-        start = fit.towards(order[count][1], layout)
-        found = view.context.fit(layout, start, iterations=STAIR_ITERATIONS)
-        errors = band.errors(found, view.context.first_phase)
+        found = view.context.fit(layout, fit.towards(order[count][1], layout))
+        errors = course.band.errors(found, view.context.first_phase)
         return Stair(effects[count], layout, found.x, found.covariance, errors)
 
     stairs = list(shared(stair, range(len(order))[::-1]))[::-1]  # the largest, which take longest, first
-    return [*stairs, Stair(effects[-1], last.layout, last.x, last.covariance, last.errors)]
+    return [*stairs, replace(last, added=effects[-1])]
 
 
-def findings(
-    view: Coarse,
-    model: CoarseModel,
-    gains: Mapping[ChosenEffect, Gain],
-    stairs: Sequence[Stair],
-    band: PredictionErrorBand,
-    rivals: Mapping[ChosenEffect, Sequence[str]],
-    doubtful: NDArray[np.bool_],
-) -> list[Finding]:
-    """One finding per added effect, in the order of the staircase.
-
-    Args:
-        view, model: the final model at the coarse resolution.
-        gains: what each of its effects gains, at the resolution that decided.
-        stairs: the staircase.
-        band: in which errors are stated.
-        rivals: effects → laws that fit as well.
-        doubtful: shape (n,), joints with a model error that an effect may imitate.
-    """
-    last, found = stairs[-1], []
-    for before, after in pairwise(stairs):
+def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Finding]:
+    """One finding per added effect, in the order of the staircase."""
+    view, n, last, found = course.view, course.own.n, stairs[-1], list[Finding]()
+    gains = course.fine.gains(end.fine) if end.at_noise else view.gains(end.coarse)
+    doubtful = course.doubtful(end)
+    shares = step_shares([stair.errors for stair in stairs], course.measurements.torque_spread)[1:]
+    for (before, after), share in zip(pairwise(stairs), shares, strict=True):
         effect = after.added
         assert effect is not None
-        need = gains[effect] if effect in gains else Gain(0.0, 1.0, np.zeros(view.own.n), np.ones(view.own.n))
+        need = gains.get(effect, Gain(0.0, 1.0, np.zeros(n), np.ones(n)))
         unsure = bool(doubtful.any() if effect.joint is None else doubtful[effect.joint])
-        tied = tuple(ties(view, model, effect, rivals.get(effect, ())))
+        tied = tuple(ties(view, end.coarse, effect, rivals(course.trace, effect)))
         sure = 0.0 if is_curve(effect) else confidence(need, unsure)
         family = family_in(effect.effect, tied, sure)
-        found.append(
-            Finding(
-                effect.effect,
-                last.layout.joint_name(effect),
-                effect.group,
-                effect.payload,
-                score=removed_share(before.errors, after.errors),
-                confidence=sure / len(family.members) if family is not None and family.tied else sure,
-                parameters=own_parameters(effect, last, last.covariance.standard_errors),
-                inseparable_from=tied,
-                gain=float(need.delta),
-                absorbed=absorbed(before, after),
-                evidence=explained_residual(before.layout, effect.joint, band, before.errors, after.errors),
-                features=(float(need.delta), float(need.error), float(unsure)),
-                family=family,
-            )
-        )
+        several = len(family.members) if family is not None and family.tied else 1
+        found.append(replace(
+            finding(effect, before, after, last, course.band), confidence=sure / several, family=family,
+            inseparable_from=tied, gain=float(need.delta), absorbed=absorbed(before, after), share=share,
+            features=(float(need.delta), float(need.error), float(unsure)),
+        ))  # fmt: skip
     return found
+
+
+def rivals(trace: Sequence[Tried], effect: ChosenEffect) -> list[str]:
+    """Laws for which an effect was swapped without a clear gain or loss."""
+    swaps = (m for m in trace if m.kind == "swap" and not m.gain.clear and effect in m.removed)
+    return [new.effect for move in swaps for new in move.added if new.joint == effect.joint]
+
+
+def finding(
+    effect: ChosenEffect, before: Stair, after: Stair, last: Stair, band: PredictionErrorBand
+) -> Finding:
+    """An effect that a stair adds, with its parameters in the last model, and no confidence yet."""
+    return Finding(
+        effect.effect, last.layout.joint_name(effect), effect.group, effect.payload,
+        score=removed_share(before.errors, after.errors), confidence=0.0,
+        parameters=own_parameters(effect, last), inseparable_from=(), gain=0.0,
+        evidence=explained_residual(effect, before, after, band),
+    )  # fmt: skip
 
 
 def family_in(effect: str, tied: Sequence[Tie], sure: float) -> Family | None:
@@ -133,28 +117,11 @@ def family_in(effect: str, tied: Sequence[Tie], sure: float) -> Family | None:
     return Family(name, len(same) > 1, same if len(same) > 1 else EFFECT_FAMILIES[name], sure)
 
 
-def curve_finding(before: Stair, after: Stair, band: PredictionErrorBand) -> Finding:
-    """A free curve that a stair adds: that it is the physics behind the residual has no probability."""
-    curve = after.added
-    assert curve is not None
-    return Finding(
-        curve.effect,
-        after.layout.joint_name(curve),
-        None,
-        None,
-        score=removed_share(before.errors, after.errors),
-        confidence=0.0,
-        parameters=own_parameters(curve, after, after.covariance.standard_errors),
-        inseparable_from=(),
-        gain=0.0,
-        evidence=explained_residual(before.layout, curve.joint, band, before.errors, after.errors),
-    )
-
-
-def own_parameters(effect: ChosenEffect, fit: Fitted, std: Array) -> dict[str, EffectParameter]:
-    """An effect's parameters in a model; std, of all its parameters, has shape (P,)."""
-    where = fit.layout.effect_slice(effect)
-    rows = zip(EFFECTS[effect.effect].parameters, fit.x[where], std[where], strict=True)
+def own_parameters(effect: ChosenEffect, stair: Stair) -> dict[str, EffectParameter]:
+    """An effect's parameters in a model."""
+    where = stair.layout.effect_slice(effect)
+    std = stair.covariance.standard_errors[where]
+    rows = zip(EFFECTS[effect.effect].parameters, stair.x[where], std, strict=True)
     return {p.name: EffectParameter(float(v), float(e), p.unit) for p, v, e in rows}
 
 
@@ -173,20 +140,17 @@ def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
 def absorbed(before: Stair, after: Stair) -> tuple[Absorbed, ...]:
     """Determined parameters that moved by more than the standard errors of both, the largest change first."""
     new, count = after.layout, after.layout.effect_start
-    stiff = new.compliance
-    values, errors = [], []
+    values, errors, determined = [], [], np.ones(count, bool)
     for stair in (before, after):
         value, error = stair.x[:count].copy(), stair.covariance.standard_errors[:count].copy()
-        error[stiff] /= value[stiff] ** 2
-        value[stiff] = 1 / value[stiff]
+        error[new.compliance] /= value[new.compliance] ** 2
+        value[new.compliance] = 1 / value[new.compliance]
         values.append(value)
         errors.append(error)
+        determined &= stair.covariance.prior_share[:count] < 0.5
     a, b = values
-    determined = np.maximum(before.covariance.prior_share, 0)[:count] < 0.5
-    determined &= after.covariance.prior_share[:count] < 0.5
-    error = np.hypot(*errors)
     with np.errstate(divide="ignore", invalid="ignore"):
-        deviations = np.nan_to_num(np.abs(b - a) / error, posinf=0.0) * determined
+        deviations = np.nan_to_num(np.abs(b - a) / np.hypot(*errors), posinf=0.0) * determined
     out = [
         Absorbed(name, joint, float(a[k]), float(b[k]), unit, float(deviations[k]))
         for k, (name, joint, unit) in enumerate(new.names()[:count])
@@ -196,55 +160,46 @@ def absorbed(before: Stair, after: Stair) -> tuple[Absorbed, ...]:
 
 
 def explained_residual(
-    layout: Layout,
-    joint: int | None,
-    band: PredictionErrorBand,
-    before: PredictionErrors,
-    after: PredictionErrors,
+    effect: ChosenEffect, before: Stair, after: Stair, band: PredictionErrorBand
 ) -> Evidence:
-    """Residual before a step on the effect's joint, and the part that the effect explains.
-
-    Without a joint: on the one that changes most.
-    """
-    change = before.residual - after.residual
+    """Residual before a step on the effect's joint, or that which changes most, and the part explained."""
+    residual = before.errors.residual
+    change, joint = residual - after.errors.residual, effect.joint
     if joint is None:
-        size = np.sqrt(np.mean(before.residual**2, axis=0)) + 1e-300
-        joint = int(np.argmax(np.mean(change**2, axis=0) / size**2))
+        joint = int(np.argmax(np.mean(change**2, axis=0) / (np.mean(residual**2, axis=0) + 1e-300)))
     ends = np.cumsum([0, *map(len, band.rows.values())])
     order = np.concatenate(list(band.rows.values()))
     return Evidence(
-        layout.joints[joint],
+        before.layout.joints[joint],
         tuple((name, int(a), int(b)) for name, a, b in zip(band.rows, ends, ends[1:], strict=False)),
         band.signals.time[order],
-        before.residual[order, joint],
+        residual[order, joint],
         change[order, joint],
     )
 
 
-def effect_values(fit: Fitted, std: Array) -> tuple[dict[str, object], ...]:
-    """Effects of a model with parameters and standard errors; std has shape (P,)."""
+def effect_values(stair: Stair) -> tuple[dict[str, object], ...]:
+    """Effects of a model with parameters and standard errors."""
     return tuple(
         {
-            "effect": effect.effect,
-            "joint": fit.layout.joint_name(effect),
-            "group": effect.group,
+            "effect": effect.effect, "joint": stair.layout.joint_name(effect), "group": effect.group,
             "payload": effect.payload,
-            "parameters": {n: v._asdict() for n, v in own_parameters(effect, fit, std).items()},
+            "parameters": {n: v._asdict() for n, v in own_parameters(effect, stair).items()},
         }
-        for effect in fit.layout.effects
-    )
+        for effect in stair.layout.effects
+    )  # fmt: skip
 
 
-def steps(stairs: Sequence[Stair], found: Iterable[Finding], last: Verdict) -> Iterator[Step]:
+def steps(stairs: Sequence[Stair], found: Sequence[Finding], last: Verdict) -> list[Step]:
     """The staircase as steps of a result; `last` is the verdict on the model with all effects."""
-    added = [None, *found]
-    left = sum(one is not None and not one.stopgap for one in added)  # effects that are still to come
-    for one, stair in zip(added, stairs, strict=True):
-        left -= one is not None and not one.stopgap
-        yield made_step(one, stair, stair.errors, "missing" if left > 0 else last)
+    to_come = max((k for k, one in enumerate(found, 1) if not one.stopgap), default=0)
+    return [
+        made_step(one, stair, "missing" if k < to_come else last)
+        for k, (one, stair) in enumerate(zip((None, *found), stairs, strict=True))
+    ]
 
 
-def made_step(added: Finding | None, fit: Fitted, errors: PredictionErrors, verdict: Verdict) -> Step:
+def made_step(added: Finding | None, stair: Stair, verdict: Verdict) -> Step:
     """One step of a result: the model after adding an effect."""
-    model = fit.layout.model(fit.x)
+    errors, model = stair.errors, stair.layout.model(stair.x)
     return Step(added, errors.rms, errors.rms_validation, verdict, errors.groups, errors.noise_floor, model)

@@ -13,17 +13,17 @@ from flexviz.diagnosis.candidates import (
     credible,
     excess,
     is_episode,
-    with_effect,
-    without_effect,
+    with_effects,
+    without_effects,
 )
 from flexviz.diagnosis.criterion import Likelihood, Residuals, half_seconds, likelihood
 from flexviz.diagnosis.elimination import Linearised
-from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.fit_context import STEPS, Fit, FitContext
 from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring
 from flexviz.diagnosis.search import Candidate
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Layout
+from flexviz.equation import Chain, Layout
 from flexviz.estimation import Point, ScoredCandidate
 
 Array = NDArray[np.float64]
@@ -32,7 +32,6 @@ FineModel = Model[Fit]
 # mean excess, and that of one joint, which a right model may leave: without reversals of friction, and with
 TOLERATED = (0.4, 1.0), (1.5, 2.5)
 TRACE = 1e-6  # of the excess without the effects
-FULL = 14  # steps of a fit
 
 
 class Fine(Resolution[Fit]):
@@ -46,7 +45,7 @@ class Fine(Resolution[Fit]):
 
     # -- fits
 
-    def fit(self, layout: Layout, x: Array, iterations: int = FULL, near: Fit | None = None) -> FineModel:
+    def fit(self, layout: Layout, x: Array, iterations: int = STEPS, near: Fit | None = None) -> FineModel:
         """A model fitted from x, shape (P,); `near`: a fit whose whiteners can be reused."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check, near=near))
 
@@ -90,7 +89,9 @@ class Fine(Resolution[Fit]):
             return out.reshape(-1, columns.shape[2])
 
         narrow = self.context.two_band.with_layout(fit.layout).narrow.at(fit.x)
-        return Scoring(narrow, self.context.chain(fit), weigh, self.context.projection(fit))
+        lay = fit.layout
+        chain = Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], point.link)
+        return Scoring(narrow, chain, weigh, self.context.projection(fit))
 
     def complete(self, model: FineModel) -> bool:
         """Whether a model leaves no more than noise, and what its laws are known to leave.
@@ -122,7 +123,7 @@ class Fine(Resolution[Fit]):
         best = min(trials, key=lambda m: m.fit.objective)
         if best.fit.converged or not self.promising(model, best):
             return best
-        return self.fit(best.layout, best.fit.x, FULL, best.fit)
+        return self.fit(best.layout, best.fit.x, STEPS, best.fit)
 
     def units(self, like: Likelihood) -> Array:
         return like.deviation**2
@@ -133,12 +134,12 @@ class Fine(Resolution[Fit]):
         A stiffness that has absorbed part of an elastic effect hides it from the score, and a wrong friction
         of the link does the same to friction that depends on the load.
         """
-        first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        first = with_effects(fit, {scored.effect: scored.values})
         law, joint, found = EFFECTS[scored.effect.effect], scored.effect.joint, [first]
         if not law.underrated or joint is None:
             return found
         compliance = float(fit.x[fit.layout.compliance][joint])
-        rough = float(self.context.rough_compliance[joint])
+        rough = float(self.context.start(fit.layout).x[fit.layout.compliance][joint])
         for hidden in law.hidden_starts(fit.point.torque[:, joint], compliance, rough):
             x = first.x.copy()
             x[first.layout.effect_slices()[-1][1]] = hidden.values
@@ -159,7 +160,7 @@ class Fine(Resolution[Fit]):
 
     def swapped(self, model: FineModel, effect: ChosenEffect) -> FineModel:
         """The model with the best rival in place of an effect."""
-        start = without_effect(model.layout, model.fit.x, effect)
+        start = without_effects(model.fit, [effect])
         there = self.fit(start.layout, start.x, 0, model.fit)
         wanted = candidates(start.layout, self.measurements.groups)
         ranked = self.scores(there.fit, wanted, is_episode(effect))
@@ -169,8 +170,8 @@ class Fine(Resolution[Fit]):
         hidden = [s for s in others if s.effect.joint == effect.joint and EFFECTS[s.effect.effect].underrated]
         best = model
         for s in [*rivals, *(s for s in hidden if s not in rivals)]:
-            at = with_effect(there.layout, there.fit.x, s.effect, s.values)
-            found = self.fit(at.layout, at.x, FULL, model.fit)
+            at = with_effects(there.fit, {s.effect: s.values})
+            found = self.fit(at.layout, at.x, STEPS, model.fit)
             if credible(found.fit, s.effect, self.raw_step) and self.gain(best, found, 0).accepted:
                 best = found
         return best

@@ -20,34 +20,29 @@ LIMITS = THRESHOLDS.prior
 
 
 def firm_start(
-    given: MeasurementSet, signals: Signals, base: Start, layout: Layout, stand_ins: bool = False
+    given: MeasurementSet, signals: Signals, base: Start, layout: Layout, stand_ins: bool
 ) -> Start:
     """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains.
 
-    Args:
-        given: the set.
-        signals: of its fit groups.
-        base: start values of the model without effects.
-        layout: the model.
-        stand_ins: free curves only stand for what has no law.
+    `base` is the start of the model without effects, in `signals` of the fit groups; with `stand_ins` free
+    curves only stand for what has no law.
     """
     start = other_effects(base, layout, signals)
     prior, logs = start.prior, np.full(layout.size, np.inf)
-    known = given.initial_stiffness is not None
-    logs[layout.compliance] = LIMITS.stiffness_spread if known else LIMITS.guessed_spread
-    softest = np.inf if known else LIMITS.largest_deflection
-    known = given.initial_motor_inertia is not None
-    logs[layout.motor_inertia] = LIMITS.motor_inertia_spread if known else LIMITS.guessed_spread
-    masses = given.robot.cad_parameters[:, 0]
-    real = masses > LIMITS.massless * masses.max()  # the others are dummies
-    weight = np.where(real, LIMITS.inertial_spread**-2, prior.weight)
+    guessed = given.initial_stiffness is None
+    logs[layout.compliance] = LIMITS.guessed_spread if guessed else LIMITS.rough_spread
     spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
+    if guessed:
+        softest = start.x[layout.compliance] * np.exp(LIMITS.guessed_spread)
+        upper[layout.compliance] = np.minimum(upper[layout.compliance], softest)
+    guessed = given.initial_motor_inertia is None
+    logs[layout.motor_inertia] = LIMITS.guessed_spread if guessed else LIMITS.rough_spread
+    dummy = given.robot.cad_parameters[:, 0] < prior.cad[:, 0]  # which was given a mass
+    weight = np.where(dummy, prior.weight, LIMITS.computed_spread**-2)
     # stiff joints do not show how viscous friction is split between motor and link
-    speed = np.sqrt(np.mean(signals.theta[1] ** 2, axis=0)) + 1e-9
-    rms_torque = np.sqrt(np.mean(signals.tau[0] ** 2, axis=0)) + 1e-9
-    upper[layout.compliance] = np.minimum(upper[layout.compliance], softest / rms_torque)
-    half = start.x[layout.link_viscous]
-    spread[layout.link_viscous] = LIMITS.split_spread * half + LIMITS.split_torque * rms_torque / speed
+    torque, speed = (np.sqrt(np.mean(v**2, axis=0)) + 1e-9 for v in (signals.tau[0], signals.theta[1]))
+    least = LIMITS.hidden_torque * torque / speed
+    spread[layout.link_viscous] = LIMITS.computed_spread * start.x[layout.link_viscous] + least
     offsets = {e.joint for e in layout.effects if EFFECTS[e.effect].constant}
     for effect, where in layout.effect_slices():
         law = EFFECTS[effect.effect]
@@ -70,10 +65,10 @@ def _stand_ins(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:
         if curve is None:
             continue
         size = float(torque[effect.place.own_joint])
-        precision = curve.precision(size)
+        precision, least = curve.precision(size), LIMITS.hidden_torque * size
         for branch in curve.branches:
             nodes = np.arange(len(branch)) - 0.5 * (len(branch) - 1)
             for form in (np.ones(len(branch)), nodes / np.abs(nodes).max()):
                 along = form / (form @ form)
-                precision[np.ix_(branch, branch)] += np.outer(along, along) / (LIMITS.curve_trend * size) ** 2
+                precision[np.ix_(branch, branch)] += np.outer(along, along) / least**2
         yield where, precision

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
-from flexviz.equation import Chain, Layout
+from flexviz.equation import Layout
 from flexviz.estimation import (
     ESTIMATION,
     WIDE_HERTZ,
@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
 # at least, where links turn round by jerks: the edge of the filter is known less well than the noise
 JERKY_RIDGE = 1e-4
+STEPS = 20  # of a fit at most
 
 
 class Fitted(Protocol):
@@ -71,7 +72,6 @@ class Fit:
         chi_held_out: shape (n,), the same for the validation groups; NaN without any.
         objective: Σ_j N log max(χ_j, 1) + cost of nuisance pulses + k log N, over all groups.
         converged: the last step was negligible, or further ones would not improve the objective.
-        covariance: of the parameters, of fits that are only reported (`reported`).
         unbiased: the parameters were estimated beside an unknown input: they do not absorb what is missing.
     """
 
@@ -83,12 +83,7 @@ class Fit:
     chi_held_out: Array
     objective: float
     converged: bool
-    covariance: Covariance | None = None
     unbiased: bool = False
-
-    def reported(self, covariance: Covariance) -> Fit:
-        """The fit without what another fit or its covariance would need, most of its memory."""
-        return replace(self, point=replace(self.point, weightings=[]), held_out=None, covariance=covariance)
 
     @property
     def torque(self) -> Array:
@@ -117,11 +112,6 @@ class FitContext:
         bare = Layout(layout.joints)
         self._start = start_values(measurements, self.two_band.with_layout(bare).narrow)
 
-    @property
-    def rough_compliance(self) -> Array:
-        """1/K from the set's rough stiffness, or else a guess, shape (n,) [rad/Nm]."""
-        return self._start.x[self._start.prior.layout.compliance]
-
     def with_unknown_input(self, unknown: UnknownInput) -> FitContext:
         """The same data beside an arbitrary torque at one place."""
         other = copy(self)
@@ -139,27 +129,18 @@ class FitContext:
         prior = start.prior
         if self.measurements.initial_stiffness is not None:
             spread = prior.spread.copy()
-            spread[layout.compliance] = THRESHOLDS.prior.stiffness_spread * start.x[layout.compliance]
+            spread[layout.compliance] = THRESHOLDS.prior.rough_spread * start.x[layout.compliance]
             prior = replace(prior, spread=spread)
         return replace(start, prior=prior, bounds=search_bounds(start, layout))
 
     def fit(
-        self,
-        layout: Layout,
-        x: Array,
-        *,
-        iterations: int,
+        self, layout: Layout, x: Array, *, iterations: int = STEPS, near: Fit | None = None,
         check: Callable[[], None] = lambda: None,
-        near: Fit | None = None,
-    ) -> Fit:
-        """Gauss–Newton on Zᵀ W r = b from x, repeated with damping where it leads far uphill.
+    ) -> Fit:  # fmt: skip
+        """Gauss–Newton on Zᵀ W r = b from x, shape (P,), repeated with damping where it leads far uphill.
 
-        Args:
-            layout: the model.
-            x: start, shape (P,).
-            iterations: maximum number of steps.
-            check: called before each step; may raise to stop.
-            near: fit with nearly the same stiffness and motor inertia, whose whiteners can be reused.
+        `near` is a fit with nearly the same stiffness and motor inertia, whose whiteners can be reused;
+        `check` is called before each step and may raise to stop.
         """
         whitening = Whitening(self.two_band.with_layout(layout), near and near.point)
         start = self.start(layout)
@@ -170,21 +151,19 @@ class FitContext:
             again = solve(*given, solved.best.x, iterations=iterations, damped=True, check=check)
             if again.end.objective < solved.end.objective:
                 solved = again
-        return self._judged(layout, solved.end, solved.converged or solved.ended, near)
-
-    def _judged(self, layout: Layout, point: Point, converged: bool, near: Fit | None) -> Fit:
-        points, held_out = [point], None
+        point, held_out, chi = solved.end, None, np.full(layout.n, np.nan)
+        points = [point]
         if self.validation is not None:
             # nothing is fitted to the validation groups: no instruments are needed
             two_band = self.validation.with_layout(layout)
             held_out = Whitening(two_band, near and near.held_out, judging=True).point(point.x)
-            points.append(held_out)
+            points, chi = [point, held_out], held_out.chi
         for one in points:
             one.forget()  # a search keeps many fits
         samples = sum(np.count_nonzero(one.used) for one in points)
         freedom = layout.size - layout.effect_start
         total = sum(one.objective for one in points) + freedom * float(np.log(samples * layout.n))
-        chi = np.full(layout.n, np.nan) if held_out is None else held_out.chi
+        converged = solved.converged or solved.ended
         return Fit(layout, point.x, point, held_out, point.chi, chi, total, converged)
 
     def without_effects(self, fit: Fit) -> Fit:
@@ -195,8 +174,6 @@ class FitContext:
 
     def covariance(self, fit: Fit) -> Covariance:
         """Covariance of a fit, from the residual's own spectra."""
-        if fit.covariance is not None:
-            return fit.covariance
         return fit.point.covariance(self.start(fit.layout).prior)
 
     def projection(self, fit: Fit) -> Projection:
@@ -204,11 +181,6 @@ class FitContext:
         point, size = fit.point, fit.layout.size
         hessian = point.normal_equations(self.start(fit.layout).prior).hessian
         return Projection(point.r.ravel(), lambda: point.z.reshape(-1, size), hessian)
-
-    def chain(self, fit: Fit) -> Chain:
-        """Sensitivity of the residual to s and q at a fit."""
-        lay = fit.layout
-        return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.link)
 
 
 def search_bounds(start: Start, layout: Layout) -> Bounds:

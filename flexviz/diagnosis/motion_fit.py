@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import Phase, Phases, phases, robust_weights
+from flexviz.diagnosis.fit_context import STEPS
+from flexviz.diagnosis.motion_samples import LONGEST_EDGE, Phase, Phases, phases, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -40,10 +41,7 @@ Array = NDArray[np.float64]
 
 HERTZ = 7.0  # band of the motion
 SAMPLES = 1000  # of a record, with eight to four of a cycle at the edge of the band
-MAX_ITERATIONS = 25
 SETTLED = 0.5  # change of the objective that ends a fit
-LONGEST_EDGE = 0.1  # share of a stretch that is dropped at each of its ends at most
-NEAR = 8.0  # times the noise, below which rest and motion are not told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +87,11 @@ class MotionFit:
         jacobian *= self.weights[:, :, None]
         return jacobian
 
+    def weigh(self, columns: Array, block: int) -> Array:
+        """Columns of a stretch, shape (m, n, k), weighted like the residual, shape (m n, k)."""
+        rows = self.context.signals.blocks[block].rows
+        return (columns * self.weights[rows][:, :, None]).reshape(-1, columns.shape[2])
+
     @property
     def velocity(self) -> Array:
         """Of the motors in the fit groups, shape (N, n) [rad/s]."""
@@ -121,20 +124,18 @@ class MotionFit:
         """Parameters at a bound that count as certain: those of effects, not the robot's own, shape (P,)."""
         return self.at_bound & (np.arange(len(self.x)) >= self.layout.effect_start)
 
-    @property
-    def held_out(self) -> bool:
-        """Whether there are validation groups."""
-        return self.context.judged_signals is not self.context.signals
+    def _held_out(self) -> list[OperatingPoint]:
+        parts = range(1, len(self.context.parts))
+        return [self.context.equation(self.layout, part).at(self.x) for part in parts]
 
     @cached_property
-    def held_out_residual(self) -> Array:
-        """Residual of the validation groups, shape (N, n) [Nm]."""
-        return self.context.equation(self.layout, held_out=True).at(self.x).residual(self.x)
+    def residuals(self) -> list[Array]:
+        """Of each of the context's parts, shape (N, n) [Nm]."""
+        return [self.residual, *(point.residual(self.x) for point in self._held_out())]
 
-    def held_out_jacobian(self) -> Array:
-        """Jacobian of the validation groups, shape (N, n, P); zero where a sample does not count."""
-        point = self.context.equation(self.layout, held_out=True).at(self.x)
-        return point.evaluate(self.x, moving=True).jacobian * self.context.judged_used[:, :, None]
+    def jacobians(self) -> list[Array]:
+        """Of each of the context's parts, shape (N, n, P)."""
+        return [point.evaluate(self.x, moving=True).jacobian for point in (self.point, *self._held_out())]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
@@ -156,8 +157,7 @@ class MotionContext:
 
     Attributes:
         measurements: the set.
-        signals: of the fit groups.
-        judged_signals: of the validation groups, or of the fit groups where there are none.
+        parts: signals of the fit groups, `signals`, and of the validation groups if there are any.
         first_phase: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
         stand_ins: free curves only stand for what has no law (`firm_start`).
     """
@@ -166,11 +166,11 @@ class MotionContext:
         self, measurements: MeasurementSet, joints: tuple[str, ...], stand_ins: bool = False
     ) -> None:
         self.measurements, self.stand_ins = measurements, stand_ins
-        held = measurements.validation_groups
-        self.signals = self._signals(measurements.fit_groups)
-        self.judged_signals = self._signals(held) if held else self.signals
+        groups = (measurements.fit_groups, measurements.validation_groups)
+        self.parts = [self._signals(some) for some in groups if some]
+        self.signals = self.parts[0]
         self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
-        self._shared = dict[object, Any](), dict[object, Any]()  # of both
+        self._shared = [dict[object, Any]() for _ in self.parts]
         bare = self.equation(Layout(joints))
         self._start = start_values(measurements, bare)
         rigid = bare.evaluate(self._start.x)
@@ -189,29 +189,18 @@ class MotionContext:
         return replace(made, sharp=True)
 
     @cached_property
-    def phases(self) -> Phases:
-        """Of the fit groups, shape (N, n)."""
-        return phases(self.signals)
-
-    @cached_property
-    def judged_phases(self) -> Phases:
-        """Of `judged_signals`, shape (N, n)."""
-        return phases(self.judged_signals)
+    def phases(self) -> list[Phases]:
+        """Of each part, shape (N, n)."""
+        return list(map(phases, self.parts))
 
     @property
-    def used(self) -> NDArray[np.bool_]:
-        """Samples of the fit groups that count, shape (N, n)."""
-        return self.phases >= self.first_phase
+    def used(self) -> list[NDArray[np.bool_]]:
+        """Samples of each part that count, shape (N, n)."""
+        return [phase >= self.first_phase for phase in self.phases]
 
-    @property
-    def judged_used(self) -> NDArray[np.bool_]:
-        """Samples of `judged_signals` that count, shape (N, n)."""
-        return self.judged_phases >= self.first_phase
-
-    def equation(self, layout: Layout, held_out: bool = False) -> Equation:
-        """Equation of the fit groups, or of the validation groups."""
-        signals = self.judged_signals if held_out else self.signals
-        return Equation(self.measurements.robot, signals, layout, self._shared[held_out])
+    def equation(self, layout: Layout, part: int = 0) -> Equation:
+        """Equation of one of the parts."""
+        return Equation(self.measurements.robot, self.parts[part], layout, self._shared[part])
 
     def set_standstill_apart(self, fit: MotionFit) -> bool:
         """From now on leave out the standstill of joints where a fit errs much more at rest than in motion.
@@ -219,12 +208,13 @@ class MotionContext:
         Returns whether there are more than before. At rest friction takes any value up to its limit, brakes
         hold, and controllers drift: no law of the motion describes the torque there.
         """
-        before, moving = self.first_phase, self.phases == Phase.MOTION
+        before, moving, used = self.first_phase, self.phases[0] == Phase.MOTION, self.used[0]
         rest, motion = (
             np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
-            for part in (~moving & self.used, moving)
+            for part in (~moving & used, moving)
         )
-        louder = (np.sqrt(rest) > NEAR * self.noise_floor) & (rest > THRESHOLDS.standstill.ratio**2 * motion)
+        ratio, share = THRESHOLDS.standstill.ratio, THRESHOLDS.criterion.unknown_share
+        louder = rest > np.maximum(ratio**2 * motion, (share * self.spread) ** 2)
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
 
@@ -233,20 +223,11 @@ class MotionContext:
         return firm_start(self.measurements, self.signals, self._start, layout, self.stand_ins)
 
     def fit(
-        self,
-        layout: Layout,
-        x: Array,
-        *,
-        iterations: int = MAX_ITERATIONS,
-        check: Callable[[], None] = lambda: None,
+        self, layout: Layout, x: Array, *, iterations: int = STEPS, check: Callable[[], None] = lambda: None
     ) -> MotionFit:
-        """Gauss–Newton with weights from the residual, which are renewed at every step.
+        """Gauss–Newton from x, shape (P,), with weights from the residual, renewed at every step.
 
-        Args:
-            layout: the model.
-            x: start, shape (P,).
-            iterations: maximum number of steps.
-            check: called before each step; may raise to stop.
+        `check` is called before each step and may raise to stop.
         """
         start = self.start(layout)
         problem = MotionProblem(self, self.equation(layout), start.prior, check)
@@ -273,7 +254,7 @@ class MotionProblem:
         self.check()
         context, point = self.context, self.equation.at(x, before and before.point)
         now = point.evaluate(x, moving=True)
-        weights, misfit = robust_weights(now.residual, context.noise_floor, context.used)
+        weights, misfit = robust_weights(now.residual, context.noise_floor, context.used[0])
         fit = MotionFit(
             context, point.layout, x, point, now.residual, now.torque[0].copy(), now.link, weights,
             np.zeros(len(x), bool), misfit + 2 * self.prior.value(x),
@@ -284,7 +265,7 @@ class MotionProblem:
     def lower(self, x: Array, before: MotionFit) -> MotionFit | None:
         """The same if the objective is lower at the operating point of another."""
         context = self.context
-        misfit = robust_weights(before.point.residual(x), context.noise_floor, context.used)[1]
+        misfit = robust_weights(before.point.residual(x), context.noise_floor, context.used[0])[1]
         return self.at(x, before) if misfit + 2 * self.prior.value(x) < before.objective else None
 
     def normal_equations(self, place: MotionFit) -> NormalEquations:

@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.criterion import Residuals, robust_deviation
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Signals
 
@@ -14,30 +15,16 @@ Array = NDArray[np.float64]
 Phases = NDArray[np.int8]
 
 LIMITS, OUTLIER = THRESHOLDS.standstill, THRESHOLDS.criterion.outlier
-
-
-def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> Array:
-    """Standard deviation of each column of (N, n) with outliers clipped, at least `floor`."""
-    count = np.maximum(used.sum(axis=0), 1)
-    sigma = np.sqrt(np.sum(residual**2 * used, axis=0) / count) + 1e-300
-    for _ in range(3):
-        clipped = np.minimum(np.abs(residual), OUTLIER * sigma) * used
-        sigma = np.sqrt(np.sum(clipped**2, axis=0) / count) + 1e-300
-    return np.maximum(sigma, floor)
+LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
 
 
 def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Huber's weights of residuals of unknown variance.
+    """Huber's weights of residuals of unknown variance, and twice the negative log likelihood.
 
-    Args:
-        residual: shape (N, n) [Nm].
-        floor: shape (n,), smallest σ.
-        used: shape (N, n), samples that count.
-
-    Returns:
-        weights (N, n) [1/Nm], and twice the negative log likelihood.
+    Shape (N, n): residual [Nm], samples that count, weights [1/Nm]; `floor`, shape (n,): the smallest σ [Nm].
     """
-    sigma = robust_deviation(residual, floor, used)
+    part = Residuals(residual, used, (), ())
+    sigma = np.maximum(robust_deviation([part], np.maximum(used.sum(axis=0), 1), OUTLIER), floor)
     ratio = np.abs(residual) / sigma * used
     weights = used * np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(ratio, 1e-12))) / sigma
     loss = np.where(ratio < OUTLIER, ratio**2, OUTLIER * (2 * ratio - OUTLIER))

@@ -12,12 +12,11 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
-from flexviz.diagnosis.so_far import NAMED
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.results import Note, NoteKind
-from flexviz.wording import listed, plural
+from flexviz.wording import MOST_NAMED, listed, plural
 
 Array = NDArray[np.float64]
 
@@ -62,7 +61,7 @@ def notes(
         out.append(("pulses", text))
     if verdict == "unknown":
         ratio = rms / floor
-        worst = np.argsort(-ratio)[:NAMED]
+        worst = np.argsort(-ratio)[:MOST_NAMED]
         left = ", ".join(f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in worst)
         out.append(("unexplained", f"unexplained residual (Nm): {left}"))
     if curve is not None and curve.certain:

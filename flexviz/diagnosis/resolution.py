@@ -10,17 +10,17 @@ from typing import ClassVar, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import candidates, credible, is_episode
+from flexviz.diagnosis.candidates import candidates, credible, is_episode, without
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, chance, gain
 from flexviz.diagnosis.elimination import Linearised, eliminate
 from flexviz.diagnosis.fit_context import Judged
-from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import DECOYS, EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Layout, OperatingPoint
-from flexviz.estimation import Prior, Projection, ScoredCandidate, Weigh
+from flexviz.estimation import Prior, Projection, ScoredCandidate, Weigh, best_intervals, score
 from flexviz.measurements import MeasurementSet
+from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 AnyFit = TypeVar("AnyFit", bound=Judged)
@@ -215,12 +215,20 @@ class Resolution(ABC, Generic[AnyFit]):
     def scores(
         self, fit: AnyFit, wanted: Sequence[ChosenEffect], episodes: bool = True
     ) -> list[ScoredCandidate]:
-        """Scores of effects, the best first."""
+        """Scores of effects and of the best episodes, the best first."""
         at = self.scoring(fit)
-        return score_by_joint(
-            at.point, at.chain, wanted, at.weigh, at.projection, check=self.check,
-            longest=EFFORT.longest_episode if episodes else None, without=set(fit.layout.effects),
-        )  # fmt: skip
+
+        def of_joint(joint: int | None) -> list[ScoredCandidate]:
+            self.check()
+            mine = [e for e in wanted if e.joint == joint]
+            found = score(at.point, at.chain, mine, at.weigh, at.projection)
+            if episodes and joint is not None:
+                longest = EFFORT.longest_episode
+                found += best_intervals(at.point, joint, at.weigh, at.projection, longest=longest)
+            return [s for s in found if s.effect not in fit.layout.effects]
+
+        parts = shared(of_joint, [*range(self.own.n), None])
+        return sorted((s for part in parts for s in part), key=lambda s: -s.gain)
 
     # -- drops
 
@@ -246,8 +254,3 @@ class Resolution(ABC, Generic[AnyFit]):
             smaller = without(model.layout, found.dropped)
             model = self.refit(model, smaller, self.towards(model, found.x, smaller))
         return model
-
-
-def without(layout: Layout, effects: Collection[ChosenEffect]) -> Layout:
-    """A layout without some effects."""
-    return Layout(layout.joints, tuple(e for e in layout.effects if e not in effects))

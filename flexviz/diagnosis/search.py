@@ -52,8 +52,8 @@ class Tried:
     """
 
     kind: str
-    added: tuple[Hashable, ...]
-    removed: tuple[Hashable, ...]
+    added: tuple[Any, ...]
+    removed: tuple[Any, ...]
     gain: Gain
     accepted: bool
     resolution: str

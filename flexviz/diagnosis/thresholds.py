@@ -45,15 +45,10 @@ class SearchThresholds:
 class PriorThresholds:
     """Physical sizes: what is known of a robot before its data."""
 
-    stiffness_spread: float = 0.5  # standard deviation of the log of a rough stiffness ...
-    motor_inertia_spread: float = 0.35  # ... and of a rough motor inertia
-    guessed_spread: float = 1.5  # the same of values that the set does not give
-    largest_deflection: float = 0.02  # [rad] rms, by which a joint of unknown stiffness deflects at most
-    inertial_spread: float = 0.2  # relative standard deviation of CAD inertias
-    split_spread: float = 0.2  # standard deviation of the link's viscous friction, relative ...
-    split_torque: float = 0.003  # ... plus this share of the rms torque at the rms velocity
-    massless: float = 1e-3  # share of the heaviest body's mass below which a CAD body is a dummy
-    curve_trend: float = 0.005  # standard deviation of a free curve's mean and slope, of the torque's spread
+    computed_spread: float = 0.2  # relative standard deviation of CAD inertias, and of an even friction split
+    rough_spread: float = 0.4  # that of the set's stiffness and motor inertia
+    guessed_spread: float = 1.5  # of the log of both where the set does not give them
+    hidden_torque: float = 0.005  # share of a joint's torque that stands for what these data do not show
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

@@ -108,15 +108,20 @@ class FindingLike(NamedLike, Protocol):
     def parameters(self) -> Mapping[str, ValueLike]: ...
 
 
-class StepLike(Protocol):
-    """A model on the way, the effect that it adds, and its errors per joint [Nm]."""
+class ErrorsLike(Protocol):
+    """Errors of a model per joint [Nm]."""
 
-    @property
-    def added(self) -> NamedLike | None: ...
     @property
     def rms(self) -> Sequence[float]: ...
     @property
     def rms_validation(self) -> Sequence[float] | None: ...
+
+
+class StepLike(ErrorsLike, Protocol):
+    """A model on the way, the effect that it adds, and its errors."""
+
+    @property
+    def added(self) -> NamedLike | None: ...
     @property
     def noise_floor(self) -> Sequence[float]: ...
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from flexviz.wording.errors import normalised
-from flexviz.wording.records import DiagnosisLike, NamedLike, StepLike
+from flexviz.wording.records import DiagnosisLike, ErrorsLike, NamedLike
 
 FindingKey = tuple[str, float | None]
 
 
-def step_shares(steps: Sequence[StepLike], spread: Sequence[float]) -> list[float]:
+def step_shares(steps: Sequence[ErrorsLike], spread: Sequence[float]) -> list[float]:
     """Share of the first model's error that each later model removes; all together at most 1.
 
     With E_k the mean over the joints of (rms / torque spread)² of model k, on the held-out groups where all

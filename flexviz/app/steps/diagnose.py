@@ -167,7 +167,7 @@ class DiagnoseStep(WorkflowStep):
         if not store.may_start("Looking for what is missing"):
             return
         result = analysis.identification if analysis.up_to_date else None
-        known = None if result is None else (result.model, bandwidth_of(result))
+        known = None if result is None else bandwidth_of(result)
         task = Diagnose(analysis.without_result(), known, apply)
         done = partial(self._take, label, analysis, store.analysis)
         fit = FitProgress(analysis.effects, single=not apply)
