@@ -199,14 +199,8 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     check(alone, refined.place.x)
 
     count = alone.wide.signals.count
-    seconds = np.arange(count) * 20 // count
-    seconds[: count // 8] = -1  # a window
-    fitted = fit_band(alone, prior, bounds, start, seconds)
-    check(alone, fitted.x, seconds >= 0)
-    assert (
-        np.abs(fitted.influence.sum(axis=0) / fitted.covariance.standard_errors)[layout.compliance].max()
-        < 0.2
-    )
+    window = np.arange(count) >= count // 8
+    check(alone, fit_band(alone, prior, bounds, start, window).x, window)
 
 
 def test_instruments_of_a_gap_come_from_the_wide_band(tmp_path: Path) -> None:

@@ -22,10 +22,6 @@ from flexviz.wording import interval, number, plain_name
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.evidence
-TOLD = 3  # parameters that a note compares at most
-ROUGHLY = 0.2  # error of those beside an input on the motor side, which also changes the deflection
-
 COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how the unknown law biases them
 
 
@@ -63,33 +59,27 @@ class BesideUnknown:
         if shaken is not None:
             text += f"; it is a vibration of {shaken.hertz:.3g} Hz, whatever the robot does"
         yield Note("place", text)
-        told = self._told(context, biased) if self.place.complete and self.place.converged else {}
-        if told:
-            largest = sorted(told, key=lambda text: -told[text])[:TOLD]
-            yield Note("unbiased", f"beside this arbitrary torque: {', '.join(largest)}")
+        # an input on the motor side also changes the deflection
+        if self.place.complete and self.place.converged and self.place.unknown.side != "motor":
+            if told := ", ".join(self._told(context, biased)):
+                yield Note("unbiased", f"beside this arbitrary torque: {told}")
 
-    def _told(self, context: FitContext, biased: Fit) -> dict[str, float]:
-        """What is said of each parameter that differs clearly, with its relative change."""
+    def _told(self, context: FitContext, biased: Fit) -> Iterator[str]:
+        """What is said of each parameter that differs clearly."""
         layout, start = self.fit.layout, context.start(self.fit.layout)
         at_bound = np.isclose(self.fit.x, start.bounds.lower) | np.isclose(self.fit.x, start.bounds.upper)
         here, without = (
             parameter_estimates(layout, x, start.prior.centre, self.covariance, at_bound, start.prior)
             for x in (self.fit.x, biased.x)
         )
-        told, roughly = {}, self.place.unknown.side == "motor"
-        least = ROUGHLY if roughly else 0.0
+        # what acts within a joint may pass for one of its properties
+        on_link = self.place.sure and self.place.unknown.side == "link"
         for one, other in zip(here, without, strict=True):
-            change = abs(one.value - other.value)
-            clear = change > max(LIMITS.deviations * one.std, least * abs(one.value))
-            # what acts on its motor or within it may pass for a property of the joint
-            on_link = self.place.sure and self.place.unknown.side == "link"
-            apart = on_link or one.joint != self.place.joint
-            if one.name in COMPARED and apart and one.identifiable == "yes" and clear:
-                value, half = interval(one.value, one.std)
-                shown = f"about {number(one.value, 3)}" if roughly else f"{value} ± {half}"
-                text = f"{plain_name(one.name)} of {one.joint} {shown} {one.unit}"
-                told[f"{text} instead of {number(other.value, 4)}"] = change / abs(one.value)
-        return told
+            apart = one.name in COMPARED and (on_link or one.joint != self.place.joint)
+            clear = abs(one.value - other.value) > THRESHOLDS.criterion.outlier * one.std
+            if apart and one.identifiable == "yes" and clear:
+                shown = f"{plain_name(one.name)} of {one.joint} {' ± '.join(interval(one.value, one.std))}"
+                yield f"{shown} {one.unit} instead of {number(other.value, 4)}"
 
 
 def locate_unknown(

@@ -29,15 +29,12 @@ from flexviz.diagnosis.residuals import (
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.effects import FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import CONSTANTS, NODES, SIZE
-from flexviz.estimation import spectral_covariance
+from flexviz.estimation import WIDE_HERTZ, spectral_covariance
 
 Array = NDArray[np.float64]
 
 BASES = {DIRECTED: "free_curve_direction", "velocity": "free_curve_velocity"}  # else a curve of one branch
 CURVED = ("position", DIRECTED, "velocity", "acceleration", "load", "time")
-
-
-RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)  # 1/(2π√κ) [Hz]; the first is a rigid joint
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ def fit_curve(
     def left(prediction: Array) -> float:
         return float(np.mean((residual - prediction) ** 2) + 1e-9 * size)
 
-    ways = [np.array([1.0, (2 * np.pi * hertz) ** -2]) for hertz in RESONANCES]
+    ways = [np.array([1.0, (k / (2 * np.pi * WIDE_HERTZ)) ** 2]) for k in range(NODES)]
     # the prior counts relative to what the curve before leaves out of sample
     noise = left(predicted(ways[0], size))
     way = min(ways, key=lambda way: left(predicted(way, noise)))

@@ -26,7 +26,7 @@ from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.evidence
+LIMITS = THRESHOLDS.criterion
 STAIR_ITERATIONS = 10  # of the models of the staircase
 
 
@@ -190,7 +190,7 @@ def absorbed(before: Stair, after: Stair) -> tuple[Absorbed, ...]:
     out = [
         Absorbed(name, joint, float(a[k]), float(b[k]), unit, float(deviations[k]))
         for k, (name, joint, unit) in enumerate(new.names()[:count])
-        if deviations[k] > LIMITS.deviations
+        if deviations[k] > LIMITS.outlier
     ]
     return tuple(sorted(out, key=lambda m: -m.deviations))
 

@@ -221,7 +221,9 @@ class MotionContext:
             np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
             for part in (~moving & self.used, moving)
         )
-        louder = (np.sqrt(rest) > NEAR * self.noise_floor) & (rest > THRESHOLDS.standstill.ratio**2 * motion)
+        louder = (np.sqrt(rest) > NEAR * self.noise_floor) & (
+            rest > THRESHOLDS.criterion.deviations**2 * motion
+        )
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
 

@@ -22,7 +22,7 @@ from flexviz.wording import listed, plural
 
 Array = NDArray[np.float64]
 
-LIMITS, STILL = THRESHOLDS.evidence, THRESHOLDS.standstill
+STILL = THRESHOLDS.standstill
 
 
 def notes(
@@ -53,7 +53,7 @@ def notes(
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > LIMITS.deviations * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > THRESHOLDS.criterion.outlier * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         text = (
             f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "
@@ -104,7 +104,7 @@ def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, 
         """Range of each motor's position, shape (n,) [rad]."""
         return np.ptp(np.concatenate([s.theta for s in group.segments]), axis=0)
 
-    least = STILL.still_range * np.max([moved(group) for group in measurements.fit_groups], axis=0)
+    least = STILL.still * np.max([moved(group) for group in measurements.fit_groups], axis=0)
     still = [group.name for group in measurements.validation_groups if np.all(moved(group) < least)]
     if not still:
         return measurements, []

@@ -23,7 +23,8 @@ from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
 from flexviz.diagnosis.search import Tried
-from flexviz.diagnosis.unknown_input import JOINTS, UnknownPlace, unknown_place
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
 from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -223,7 +224,8 @@ class _Description:
     def place(self, fit: Fit) -> UnknownPlace | None:
         """The place of what the final model lacks: one law acts at one place."""
         end = self.end
-        several = self.own.n > JOINTS and np.count_nonzero(self.view.significant(end.coarse)) > 1
+        many = self.own.n > THRESHOLDS.search.unknown_places
+        several = many and np.count_nonzero(self.view.significant(end.coarse)) > 1
         if self.course.stopped or end.curves or end.changing is not None or several:
             return None
         self.course.tell(stages.PLACE)

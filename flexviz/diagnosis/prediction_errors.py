@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
+from flexviz.diagnosis.motion_fit import LONGEST_EDGE
 from flexviz.diagnosis.motion_samples import Phases, phases
 from flexviz.equation import Equation, Layout, build_signals, layout_of
 from flexviz.estimation import residual_noise
@@ -23,7 +24,6 @@ from flexviz.progress import Iteration
 Array = NDArray[np.float64]
 
 BAND_HERTZ = 5.0
-LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
 
 
 @dataclass(frozen=True, eq=False)

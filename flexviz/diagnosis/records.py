@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import CURVES, CurveForm, curve_points, simple_form
 from flexviz.statistics import NORMAL_95
 
@@ -18,7 +19,7 @@ UNITS = {
     "time": "s", "group": "-", "frequency": "Hz",
 }  # fmt: skip
 DIRECTIONS = ("forward", "backward")
-DIRECTION_GAIN = 0.05  # additional share that position and direction together have to explain
+DIRECTION_GAIN = THRESHOLDS.evidence.share  # that position and direction together have to explain more
 FREE_CURVE_NOTE = "a stopgap fitted to the residual, not a model: it shows where, not why"
 
 
@@ -113,9 +114,8 @@ class ParameterCurve:
         name, joint, unit: as in the JSON contract; inertias as identifiable combinations, without a joint.
         place: payload or group of the effect, if any.
         values, std: shape (M,); NaN at a bound.
-        moved: largest distance from the value at the bandwidth in use, in standard errors of that value.
-        trusted: it stays within its 95 % interval, or noise explains the difference of the two fits, which
-            share their data.
+        moved: largest distance of a narrower band's value from that in use, in standard errors of the latter.
+        trusted: it stays within its 95 % interval, or noise explains the difference of the two fits.
     """
 
     name: str
@@ -137,7 +137,7 @@ class BandwidthCheck:
         in_use: index of the bandwidth in use.
         joints: names.
         rms: shape (M, n), residual below `band` after fitting at each bandwidth [Nm].
-        noise_floor: shape (n,), its part due to measurement noise [Nm].
+        noise_floor: shape (n,), what measurement noise alone leaves at the lowest bandwidth [Nm].
         change: shape (M, n), rms change of the residual relative to the bandwidth in use, at the parameters
             found there [Nm]; noise changes nothing: below `band`, all bands are flat.
         band: upper limit of the frequencies compared [rad/s].
@@ -158,11 +158,6 @@ class BandwidthCheck:
     parameters: tuple[ParameterCurve, ...]
     seconds: float
     observer: str = "two bands"
-
-    @property
-    def change_noise(self) -> Array:
-        """Part of `change` due to measurement noise, shape (M, n) [Nm]."""
-        return np.zeros_like(self.change)
 
     @property
     def untrusted(self) -> tuple[ParameterCurve, ...]:

@@ -7,7 +7,7 @@ residual of a fit without an input may be larger on a neighbouring joint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,16 +18,11 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
-from flexviz.estimation import SIDES, Side, UnknownInput
+from flexviz.estimation import ESTIMATION, SIDES, Side, UnknownInput
+from flexviz.estimation.instrumental_variables import MAX_ITERATIONS
 from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
-
-LIMITS = THRESHOLDS.evidence
-JOINTS = 3  # number of joints, by residual, on which an input is tried
-ITERATIONS = 10, 16  # of the first fits beside it, and of the most promising
-FAR = 30.0  # excess from which a fit may be far off
-REACHED = 1.0  # excess beside the input at the right place, at most
 
 PLACES: dict[Side, str] = {
     "motor": "on the motor side of {}",
@@ -58,7 +53,7 @@ class UnknownPlace:
     @property
     def complete(self) -> bool:
         """Whether all joints agree with the noise beside the input; otherwise it explains most."""
-        return self.left <= REACHED
+        return 1 + self.left <= ESTIMATION.consistent
 
     @property
     def joint(self) -> str:
@@ -74,15 +69,9 @@ class UnknownPlace:
             return f"what is missing {beside} all joints agree with the noise"
         return f"most of what is missing {beside} little of the error stays"
 
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A model fitted beside an unknown input; `left` is its excess."""
-
-    unknown: UnknownInput
-    x: Array
-    left: float
-    converged: bool
+    def beats(self, other: UnknownPlace) -> bool:
+        """Whether the residual beside another input is clearly larger, in units of what this one leaves."""
+        return 1 + other.left > THRESHOLDS.criterion.deviations**2 * (1 + self.left)
 
 
 def unknown_place(
@@ -94,54 +83,35 @@ def unknown_place(
     single joint, where the input explains everything, whatever is missing. `check`: called between fits; may
     raise to stop.
     """
-    n, lacking = fit.layout.n, excess(fit)
-    if n == 1:
+    layout, lacking = fit.layout, excess(fit)
+    if layout.n == 1:
         return None
     # far from the noise, the parameters of the fit are a worse start than those of a rigid robot
-    starts = (fit.x,) if lacking < FAR else (fit.x, context.start(fit.layout).x)
-
-    def tried(unknown: UnknownInput, x: Array, iterations: int) -> _Trial:
-        check()
-        try:
-            found = context.with_unknown_input(unknown).fit(fit.layout, x, iterations=iterations, check=check)
-        except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
-            return _Trial(unknown, x, np.inf, True)
-        left = excess(found)
-        return _Trial(unknown, found.x, left if np.isfinite(left) else np.inf, found.converged)
-
+    starts = (fit.x, context.start(layout).x)[: 1 + (1 + lacking > ESTIMATION.far_above_noise)]
+    # their own residual, from which that of others is not subtracted as in `chi`
+    loudest = np.argsort(-np.sum(joint_residuals(context, fit)[0].white ** 2, axis=0)).tolist()
+    joints = [*dict.fromkeys((*likely, *loudest))][: THRESHOLDS.search.unknown_places]
     rms = np.sqrt(np.mean(context.two_band.narrow.signals.tau[0] ** 2, axis=0))
-    joints = [*dict.fromkeys((*likely, *_loudest(context, fit)))][:JOINTS] if n > JOINTS else range(n)
-    inputs = [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES]
-    trials = list(shared(lambda at: tried(*at, ITERATIONS[0]), [(u, x) for u in inputs for x in starts]))
-    leaders = [_best(t for t in trials if t.unknown == unknown) for unknown in inputs]
-    best = _best(leaders)
-    more = [t for t in leaders if not t.converged and t.left < max(10 * _least(best), REACHED)]
-    more += [
-        replace(t, x=best.x) for t in leaders if t.left > lacking
-    ]  # an input explains something at least
-    trials += shared(lambda t: tried(t.unknown, t.x, ITERATIONS[1]), more)
-    leaders = [_best(t for t in trials if t.unknown == unknown) for unknown in inputs]
-    best = _best(leaders)
-    least = _least(best)
-    if best.left > max(REACHED, LIMITS.place_share * lacking):
+
+    def tried(place: tuple[int, Side]) -> UnknownPlace:
+        joint, side = place
+        unknown = UnknownInput(joint, side, float(rms[joint]))
+        best, beside = UnknownPlace(unknown, layout, fit.x, False, np.inf, True), None
+        for start in starts:
+            check()
+            beside = beside or context.with_unknown_input(unknown)
+            try:
+                found = beside.fit(layout, start, iterations=MAX_ITERATIONS, check=check)
+            except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
+                continue
+            if excess(found) < best.left:
+                best = replace(best, x=found.x, left=excess(found), converged=found.converged)
+        return best
+
+    places = list(shared(tried, [(j, side) for j in joints for side in SIDES]))
+    best = min(places, key=lambda place: place.left)
+    others = [p for p in places if p.unknown.joint != best.unknown.joint]
+    few = best.complete or best.left <= THRESHOLDS.evidence.share * lacking
+    if not few or not all(map(best.beats, others)):
         return None
-    if any(t.left < least for t in leaders if t.unknown.joint != best.unknown.joint):
-        return None
-    others = (t for t in leaders if t.unknown.joint == best.unknown.joint and t is not best)
-    sure = all(t.left > least for t in others)
-    return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left, best.converged)
-
-
-def _loudest(context: FitContext, fit: Fit) -> list[int]:
-    """The joints by their own residual, from which that of others is not subtracted as in `chi`."""
-    white = joint_residuals(context, fit)[0].white
-    return [int(j) for j in np.argsort(-np.sum(white**2, axis=0))]
-
-
-def _least(best: _Trial) -> float:
-    """Excess that inputs elsewhere leave at least, if the best one is at the right place."""
-    return LIMITS.lead * best.left + LIMITS.least_lead
-
-
-def _best(trials: Iterable[_Trial]) -> _Trial:
-    return min(trials, key=lambda t: t.left)
+    return replace(best, sure=all(best.beats(p) for p in places if p not in others and p is not best))

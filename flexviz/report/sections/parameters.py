@@ -151,7 +151,7 @@ def _residuals(found: BandwidthCheck) -> ReportTable:
                 joint,
                 number(found.rms[found.in_use, j], 3),
                 number(np.nanmax(found.change[:, j]), 3),
-                number(max(np.nanmax(found.change_noise[:, j]), found.noise_floor[j]), 3),
+                number(found.noise_floor[j], 3),
                 Cell("part is observer error" if moves else "holds", strong=moves),
             ]
         )
