@@ -78,34 +78,27 @@ def check_bandwidth(
     whitening = Whitening(used, adapted=True, window=inside(used, common))
     begin = solve(whitening, prior, bounds, x, iterations=MAX_ITERATIONS).place.x
     model_error = whitening.two_band.noise_model.model_error
-    fits: list[BandwidthFit] = []
+    fits, rms, change = [], [], []
     for band in bands:
         check()
         fits.append(fit_band(band.with_model_error(model_error), prior, bounds, begin, inside(band, common)))
     reference, top, slowest = fits[in_use].x, bandwidth(bands[0]), bands[0].wide
     low = FlatZeroPhase(top / FlatZeroPhase.ratio)
     base = compared(used, reference, used, common, low)
-    rms, change = [], []
     for band, fit in zip(bands, fits, strict=True):
         check()
         change.append(_rms(compared(band, reference, used, common, low) - base))
         rms.append(_rms(compared(band, fit.x, used, common, low)))
     link = slowest.at(reference).link_terms(reference)
-    floor = np.sqrt(residual_noise(slowest.signals, layout, reference, link, bands[0].noise))
+    passed = replace(slowest.signals, observer=low)
+    floor = np.sqrt(residual_noise(passed, layout, reference, link, bands[0].noise))
+    # errors of a narrower band do not affect the one in use
+    wrong = np.max(change[in_use:], axis=0) > np.maximum(floor, THRESHOLDS.evidence.share * _rms(base))
+    curves = _parameter_curves(measurements, layout, fits, in_use, prior)
     return BandwidthCheck(
-        bandwidths=np.array([bandwidth(b) for b in bands]),
-        in_use=in_use,
-        joints=layout.joints,
-        rms=np.array(rms),
-        noise_floor=floor,
-        change=np.array(change),
-        band=top,
-        # errors of a narrower band do not affect the one in use
-        observer_error=np.max(change[in_use:], axis=0)
-        > np.maximum(floor, THRESHOLDS.evidence.share * _rms(base)),
-        parameters=_parameter_curves(measurements, layout, fits, in_use, prior),
-        seconds=time.perf_counter() - began,
-    )
+        np.array([bandwidth(b) for b in bands]), in_use, layout.joints, np.array(rms), floor, np.array(change),
+        top, wrong, curves, time.perf_counter() - began,
+    )  # fmt: skip
 
 
 def _rms(residual: Array) -> Array:
@@ -217,16 +210,8 @@ def _parameter_curves(
         apart = np.nan_to_num(np.sqrt(np.maximum(std**2 - first.std**2, 0.0)))[:in_use]
         allowed = np.maximum(NORMAL_95 * first.std, THRESHOLDS.criterion.outlier * apart)
         single = first if isinstance(first, ParameterEstimate) else None
-        out.append(
-            ParameterCurve(
-                name=first.name,
-                joint=single and single.joint,
-                unit=first.unit,
-                place=single and (single.payload or single.group),
-                values=values,
-                std=std,
-                moved=float(np.max(change, initial=0.0)) / max(first.std, 1e-300),
-                trusted=bool(np.all(change <= allowed)),
-            )
-        )
+        joint, place = (single.joint, single.payload or single.group) if single else (None, None)
+        moved = float(np.max(change, initial=0.0)) / max(first.std, 1e-300)
+        trusted = bool(np.all(change <= allowed))
+        out.append(ParameterCurve(first.name, joint, first.unit, place, values, std, moved, trusted))
     return tuple(out)

@@ -27,13 +27,7 @@ COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how
 
 @dataclass(frozen=True, eq=False)
 class BesideUnknown:
-    """A model whose parameters an unknown law does not bias.
-
-    Attributes:
-        place: of the law.
-        fit: in units of the noise without the input.
-        covariance: of the parameters.
-    """
+    """A model whose parameters an unknown law does not bias; `fit`: in units of the noise without the input."""
 
     place: UnknownPlace
     fit: Fit
@@ -54,15 +48,13 @@ class BesideUnknown:
 
     def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Note]:
         """The place, and parameters that are clearly different in a fit without the input."""
-        shaken = vibration(samples(context, self.fit, parts), self.place.unknown.joint)
-        text = self.place.text
-        if shaken is not None:
-            text += f"; it is a vibration of {shaken.hertz:.3g} Hz, whatever the robot does"
-        yield Note("place", text)
+        hertz = vibration(samples(context, self.fit, parts), self.place.unknown.joint)
+        shaken = f"; it is a vibration of {hertz:.3g} Hz, whatever the robot does" if hertz else ""
+        yield Note("place", self.place.text + shaken)
         # an input on the motor side also changes the deflection
-        if self.place.complete and self.place.converged and self.place.unknown.side != "motor":
-            if told := ", ".join(self._told(context, biased)):
-                yield Note("unbiased", f"beside this arbitrary torque: {told}")
+        sound = self.place.complete and self.place.converged and self.place.unknown.side != "motor"
+        if told := ", ".join(self._told(context, biased) if sound else ()):
+            yield Note("unbiased", f"beside this arbitrary torque: {told}")
 
     def _told(self, context: FitContext, biased: Fit) -> Iterator[str]:
         """What is said of each parameter that differs clearly."""

@@ -4,7 +4,7 @@ The curve is a smooth torque u on the motor, with the nodes and the prior of the
 large as the residual. It changes the residual of a flexible joint by about u + κ ü with κ = M/K: slow
 components keep their sign, those above the frequency 1/√κ are inverted and amplified. κ is chosen by the
 data, because the stiffness of an incomplete model may be far off. The response is low-passed like the
-residual. A curve that is drawn stands for what no effect of the library explains: a stopgap, not a model.
+residual.
 """
 
 from __future__ import annotations
@@ -42,8 +42,7 @@ class CurveFit:
     """A curve fitted to one joint's residual.
 
     Attributes:
-        curve: its splines.
-        ends: lower and upper end of their range.
+        ends: lower and upper end of the splines' range.
         columns: shape (N, C), response to the torque at each node.
         coefficients: shape (C,), torque at the nodes [Nm].
         precision: shape (C, C), of their prior [1/Nm²].
@@ -77,11 +76,8 @@ def fit_curve(
             both[:, rows] = SLOW.derivatives(design, float(data.step[rows.start]), 3)[::2]
     both = both if model is None else np.stack([model.left(columns, joint) for columns in both])
     both *= data.shown[:, None]
-    normal = [
-        (np.tensordot(own, own, (1, 1)), np.tensordot(own, residual[train], (1, 0)))
-        for train in folds.train
-        for own in [both[:, train]]
-    ]
+    parts = [(both[:, train], residual[train]) for train in folds.train]
+    normal = [(np.tensordot(own, own, (1, 1)), np.tensordot(own, rest, (1, 0))) for own, rest in parts]
     size, largest = float(np.mean(residual**2)) or 1.0, float(np.abs(residual).max()) or 1.0
     precision = curve.precision(largest / SIZE)[CONSTANTS:, CONSTANTS:]
 
@@ -140,16 +136,8 @@ def fit_free_curve(
             value[side, at] = design @ best.coefficients
             std[side, at] = np.sqrt(np.einsum("mi,ij,mj->m", design, covariance, design))
     curve = FreeCurve(
-        joint=place.joint,
-        variable=variable.split()[0],
-        unit=UNITS[variable],
-        directions=DIRECTIONS if best.curve.sides == 2 else ("",),
-        centres=centres,
-        value=value,
-        std=std,
-        explained=best.found.share,
-        explained_std=best.found.std,
-        smoothing=best.noise,
-    )
+        place.joint, variable.split()[0], UNITS[variable], DIRECTIONS if best.curve.sides == 2 else ("",),
+        centres, value, std, best.found.share, best.found.std, best.noise,
+    )  # fmt: skip
     form = curve.simple_form() if curve.certain else None
     return replace(curve, form=form.text if form else "")

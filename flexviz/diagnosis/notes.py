@@ -36,9 +36,7 @@ def notes(
     """Notes on a diagnosis.
 
     Args:
-        final: final model.
-        verdict: verdict on it.
-        errors: its residuals.
+        final, verdict, errors: the final model, the verdict on it, and its residuals.
         model_error_variance: shape (n,) [Nm²], allowed in the search; None if there was none.
         curve: free curve of the unexplained residual.
         bandwidths: result of the bandwidth check.
@@ -62,23 +60,20 @@ def notes(
         )
         out.append(("pulses", text))
     if verdict == "unknown":
-        ratio = rms / floor
-        worst = np.argsort(-ratio)[:NAMED]
-        left = ", ".join(f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in worst)
+        worst = np.argsort(-rms / floor)[:NAMED]
+        left = ", ".join(f"{joints[j]} {rms[j]:.3g} ({rms[j] / floor[j]:.0f} times the noise)" for j in worst)
         out.append(("unexplained", f"unexplained residual (Nm): {left}"))
     if curve is not None and curve.certain:
         sides = " and the direction of motion" if len(curve.directions) > 1 else ""
         text = (
             f"a free curve against the {curve.variable}{sides} of {curve.joint} explains "
             f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
-            + (f"; its form is that of {curve.form}" if curve.form else "")
         )
-        out.append(("free-curve", text))
+        out.append(("free-curve", text + (f"; its form is that of {curve.form}" if curve.form else "")))
     if own := ", ".join(e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap):
         text = f"not physics, but in the model: {own}; it stands for a law that is still unknown"
         out.append(("stopgap", text))
-    for text in bandwidths.texts() if bandwidths is not None else ():
-        out.append(("bandwidth", text))
+    out += [("bandwidth", text) for text in (bandwidths.texts() if bandwidths is not None else ())]
     return tuple(Note(kind, text) for kind, text in out)
 
 

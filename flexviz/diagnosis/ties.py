@@ -84,7 +84,6 @@ def _kinds_of_motion(signals: Signals, joint: int, name: str) -> Iterator[tuple[
         parts = np.array_split(np.argsort(values), NODES)
         yield from ((text, parts[end]) for text, end in ((least, 0), (most, -1)) if text)
     for k, group in enumerate(signals.groups):
-        rows = [np.arange(b.rows.start, b.rows.stop) for b in signals.blocks if b.group == k]
-        if rows:
-            text = f"motion and payload of group {group.name} (payload {group.payload})"
-            yield text, np.concatenate(rows)
+        rows = np.flatnonzero(signals.group == k)
+        if len(rows):
+            yield f"motion and payload of group {group.name} (payload {group.payload})", rows

@@ -96,10 +96,10 @@ def unknown_place(
     def tried(place: tuple[int, Side]) -> UnknownPlace:
         joint, side = place
         unknown = UnknownInput(joint, side, float(rms[joint]))
-        best, beside = UnknownPlace(unknown, layout, fit.x, False, np.inf, True), None
+        best = UnknownPlace(unknown, layout, fit.x, False, np.inf, True)
+        check()
+        beside = context.with_unknown_input(unknown)
         for start in starts:
-            check()
-            beside = beside or context.with_unknown_input(unknown)
             try:
                 found = beside.fit(layout, start, iterations=MAX_ITERATIONS, check=check)
             except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned

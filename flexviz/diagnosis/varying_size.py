@@ -34,7 +34,6 @@ class ChangingSize:
 
     Attributes:
         named: the effect's name, joint, group and payload, as of a `Finding`.
-        size: p.
         along: "time" of each recording, or "load" of the joint.
         start, end: about p at the start and at the end of a recording, or at low and high load, in its unit.
     """
@@ -50,14 +49,12 @@ class ChangingSize:
         """The finding as a sentence."""
         effect, *places = self.named
         place = next((f" of {place}" for place in places if place), "")
-        same = self.start * self.end > 0 or 0.0 in (self.start, self.end)
-        verb = "changes" if not same else "grows" if abs(self.end) > abs(self.start) else "falls"
-        what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place}"
-        ends = f"{self.start:.2g} to {self.end:.2g} {unit_text(self.size.unit)}".rstrip()
+        grows = "grows" if abs(self.end) > abs(self.start) else "falls"
+        what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place} is not constant"
+        how = f"{'changes' if self.start * self.end < 0 else grows} from about {self.start:.2g} to"
+        end = f"{self.end:.2g} {unit_text(self.size.unit)}".rstrip()
         when = "during a recording" if self.along == "time" else "with the torque that the joint transmits"
-        return (
-            f"{what} is not constant: it {verb} from about {ends} {when}, which this effect cannot describe"
-        )
+        return f"{what}: it {how} {end} {when}, which this effect cannot describe"
 
 
 def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
@@ -70,8 +67,7 @@ def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
     if not sized:
         return None
     z, projection = fit.point.z, fine.context.projection(fit)
-    group = np.concatenate([np.full(b.rows.stop - b.rows.start, b.group) for b in signals.blocks])
-    time = np.zeros(len(group))
+    group, time = signals.group, np.zeros(signals.count)
     for k in np.unique(group):
         time[group == k] = _standardised(signals.time[group == k])
     best, found = 0.0, None
