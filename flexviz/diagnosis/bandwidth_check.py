@@ -1,6 +1,6 @@
 """Bandwidth check: physical effects do not depend on the observer's bandwidth.
 
-One model is fitted to the same samples at several bandwidths of the diagnosis.
+One model is fitted at several bandwidths of the diagnosis.
 
 - The residual at fixed parameters, low-passed well inside every band, must not change. A change above the
   noise level is observer error: lag, droop, or motion beyond the band.
@@ -22,7 +22,7 @@ from flexviz._scipy import sp
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, search_bounds
 from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation import Block, Layout
+from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.estimation import (
     WIDE_HERTZ,
@@ -43,9 +43,6 @@ from flexviz.observers import FlatZeroPhase
 from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Key = tuple[int, float]  # of a stretch at all bandwidths: its group and start time
-Spans = dict[Key, tuple[float, float]]
 
 FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # bandwidths relative to the one in use
 
@@ -55,7 +52,7 @@ class BandwidthFit(NamedTuple):
 
     x: Array
     covariance: Covariance
-    at_bound: Bools
+    at_bound: NDArray[np.bool_]
 
 
 def check_bandwidth(
@@ -71,24 +68,27 @@ def check_bandwidth(
     began = time.perf_counter()
     bands = bandwidths(measurements, layout, FACTORS)
     used = min(bands, key=lambda band: abs(bandwidth(band) - 2 * np.pi * WIDE_HERTZ))
-    in_use, common = bands.index(used), spans(bands[0])
-    start = start_values(measurements, used.narrow)
+    in_use, start = bands.index(used), start_values(measurements, used.narrow)
     prior, bounds = start.prior, search_bounds(start, layout)
     # it also estimates the model error, if noise does not explain the residual
-    whitening = Whitening(used, adapted=True, window=inside(used, common))
+    whitening = Whitening(used, adapted=True)
     begin = solve(whitening, prior, bounds, x, iterations=MAX_ITERATIONS).place.x
     model_error = whitening.two_band.noise_model.model_error
     fits, rms, change = [], [], []
     for band in bands:
         check()
-        fits.append(fit_band(band.with_model_error(model_error), prior, bounds, begin, inside(band, common)))
+        fits.append(fit_band(band.with_model_error(model_error), prior, bounds, begin))
     reference, top, slowest = fits[in_use].x, bandwidth(bands[0]), bands[0].wide
     low = FlatZeroPhase(top / FlatZeroPhase.ratio)
-    base = compared(used, reference, used, common, low)
+
+    def compared(band: TwoBandData, x: Array) -> Array:
+        return low_passed(band, x, low, bands[0], used)
+
+    base = compared(used, reference)
     for band, fit in zip(bands, fits, strict=True):
         check()
-        change.append(_rms(compared(band, reference, used, common, low) - base))
-        rms.append(_rms(compared(band, fit.x, used, common, low)))
+        change.append(_rms(compared(band, reference) - base))
+        rms.append(_rms(compared(band, fit.x)))
     link = slowest.at(reference).link_terms(reference)
     passed = replace(slowest.signals, observer=low)
     floor = np.sqrt(residual_noise(passed, layout, reference, link, bands[0].noise))
@@ -96,8 +96,8 @@ def check_bandwidth(
     wrong = np.max(change[in_use:], axis=0) > np.maximum(floor, THRESHOLDS.evidence.share * _rms(base))
     curves = _parameter_curves(measurements, layout, fits, in_use, prior)
     return BandwidthCheck(
-        np.array([bandwidth(b) for b in bands]), in_use, layout.joints, np.array(rms), floor, np.array(change),
-        top, wrong, curves, time.perf_counter() - began,
+        np.array([bandwidth(b) for b in bands]), in_use, layout.joints, np.array(rms), floor,
+        np.array(change), top, wrong, curves, time.perf_counter() - began,
     )  # fmt: skip
 
 
@@ -130,52 +130,34 @@ def bandwidths(measurements: MeasurementSet, layout: Layout, factors: Sequence[f
     return [found[key] for key in sorted(found)]
 
 
-def stretches(band: TwoBandData) -> dict[Key, Block]:
-    """Contiguous samples by their group and start time, which are the same at all bandwidths."""
-    return {(b.group, float(b.segment.time[0])): b for b in band.blocks}
-
-
-def spans(narrowest: TwoBandData) -> Spans:
-    """First and last instant of every stretch of the narrowest band, which all bands contain [s]."""
-    time = narrowest.wide.signals.time
-    return {k: (time[b.rows.start], time[b.rows.stop - 1]) for k, b in stretches(narrowest).items()}
-
-
-def inside(band: TwoBandData, common: Spans) -> Bools:
-    """Samples within the common spans, shape (N,)."""
-    time, blocks = band.wide.signals.time, stretches(band)
-    out = np.zeros(len(time), bool)
-    for key, (first, last) in common.items():
-        rows = blocks[key].rows
-        out[rows] = (time[rows] >= first - 1e-9) & (time[rows] <= last + 1e-9)
-    return out
-
-
-def fit_band(band: TwoBandData, prior: Prior, bounds: Bounds, x: Array, used: Bools) -> BandwidthFit:
-    """Gauss–Newton on Zᵀ W r = b from x, shape (P,), over the samples `used`, shape (N,)."""
-    solved = solve(Whitening(band, window=used), prior, bounds, x, iterations=MAX_ITERATIONS)
+def fit_band(band: TwoBandData, prior: Prior, bounds: Bounds, x: Array) -> BandwidthFit:
+    """Gauss–Newton on Zᵀ W r = b from x, shape (P,)."""
+    solved = solve(Whitening(band), prior, bounds, x, iterations=MAX_ITERATIONS)
     from_noise = not band.noise_model.model_error.any()
     covariance = solved.place.covariance(prior, from_noise, solved.at_bound)
     return BandwidthFit(solved.place.x, covariance, solved.at_bound)
 
 
-def compared(band: TwoBandData, x: Array, other: TwoBandData, common: Spans, low: FlatZeroPhase) -> Array:
-    """Low-passed residual at the samples of another band within the common spans, shape (N', n) [Nm].
+def low_passed(
+    band: TwoBandData, x: Array, low: FlatZeroPhase, narrowest: TwoBandData, other: TwoBandData
+) -> Array:
+    """Low-passed residual at the samples of another band where the narrowest has some, shape (N', n) [Nm].
 
     Each stretch is tapered over one cycle of the low-pass at both ends, where fast noise would leak into the
     pass band, and rescaled to the rms of an untapered stretch.
     """
     residual = band.residual(band.wide.at(x), x)
     ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
-    mine, there, out = stretches(band), stretches(other), []
-    for key, (first, last) in common.items():
-        own = mine[key]
-        time = band.wide.signals.time[own.rows]
+    blocks = [{(b.group, b.segment.time[0]): b for b in one.blocks} for one in (narrowest, band, other)]
+    out = []
+    for key, inner in blocks[0].items():
+        own, there = blocks[1][key], blocks[2][key]
+        time, at = band.wide.signals.time[own.rows], other.wide.signals.time[there.rows]
+        first, last = narrowest.wide.signals.time[inner.rows][[0, -1]]
         fade = np.minimum(time - first, last - time) / min(ramp, 0.5 * (last - first))
         fade = np.sin(0.5 * np.pi * np.clip(fade, 0.0, 1.0)) ** 2
         slow = low.derivatives(residual[own.rows] * fade[:, None], own.segment.step * own.stride, 1)[0]
         slow /= np.sqrt(np.mean(fade[fade > 0] ** 2))
-        at = other.wide.signals.time[there[key].rows]
         out.append(sp.interpolate.CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
     return np.concatenate(out)
 

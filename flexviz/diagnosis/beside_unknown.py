@@ -27,7 +27,7 @@ COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how
 
 @dataclass(frozen=True, eq=False)
 class BesideUnknown:
-    """A model whose parameters an unknown law does not bias; `fit`: in units of the noise without the input."""
+    """A model whose parameters an unknown law does not bias; `fit`: in units of the noise without it."""
 
     place: UnknownPlace
     fit: Fit

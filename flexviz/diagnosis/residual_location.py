@@ -67,9 +67,7 @@ def _explained(data: SlowResidual, joint: int, name: str, folds: Folds) -> Expla
     return replace(found, share=0.0) if own else found
 
 
-def binned(
-    data: SlowResidual, folds: Folds, joint: int, name: str
-) -> tuple[Array, Ints, tuple[str, ...], int]:
+def binned(data: SlowResidual, joint: int, name: str) -> tuple[Array, Ints, tuple[str, ...], int]:
     """Values of a variable and the index of each sample's bin, shape (N,), in curves of so many bins each.
 
     Edges lie midway between equally spaced and equally filled bins; one of velocity's at zero.
@@ -77,12 +75,9 @@ def binned(
     if name == "group":
         return data.group.astype(float), data.group, ("",), len(data.groups)
     if name == "time":
-        block, seen = folds.block.copy(), np.zeros(len(data.groups), int)
-        for rows in folds.stretches:  # a group may have several stretches
-            block[rows] += seen[data.group[rows.start]]
-            seen[data.group[rows.start]] = block[rows].max() + 1
-        bins = max(int(seen.max()), 1)
-        return data.time, data.group * bins + block, data.groups, bins
+        longest = max(float(data.time.max()), 1e-300)  # of a group
+        index = np.minimum(NODES * data.time / longest, NODES - 1).astype(int)
+        return data.time, data.group * NODES + index, data.groups, NODES
     values, share = data.variable(name, joint), np.linspace(0, 1, NODES + 1)
     seen = values[data.shown] if data.shown.any() else np.zeros(1)
     edges = 0.5 * (np.quantile(seen, share) + seen.min() + share * np.ptp(seen))
@@ -96,7 +91,7 @@ def binned(
 
 def _map(data: SlowResidual, joint: int, name: str, folds: Folds) -> ResidualMap:
     residual, shown, found = data.residual[:, joint], data.shown, _explained(data, joint, name, folds)
-    values, index, curves, bins = binned(data, folds, joint, name)
+    values, index, curves, bins = binned(data, joint, name)
     shape = (len(curves), bins)
     mean, std, count = mean_and_error(index, residual, shape[0] * bins, folds)
     with np.errstate(invalid="ignore"):

@@ -27,14 +27,14 @@ def vibration(data: SlowResidual, joint: int) -> float | None:
 
     def share(hertz: float, values: NDArray[np.float64] = own, periods: float = HARMONICS) -> float:
         """Largest share of the sum of squares of values (N, K) that a sine of so many periods explains."""
-        total, explained = np.full((2, values.shape[1]), 1e-300)
+        total, explained = np.zeros((2, values.shape[1]))
         for rows, length in zip(stretches, lengths, strict=True):
             phase = 2 * np.pi * hertz * data.time[rows]
             total += np.sum(values[rows] ** 2, axis=0)
             if hertz * length >= periods:
                 pair = np.stack((np.sin(phase), np.cos(phase)), axis=1)
                 explained += np.sum((pair @ np.linalg.lstsq(pair, values[rows])[0]) ** 2, axis=0)
-        return float(np.max(explained / total))
+        return float(np.max(explained / np.maximum(total, 1e-300)))
 
     hertz = np.arange(HARMONICS / longest, NARROW_HERTZ, 0.5 / longest)
     at = max(hertz.tolist(), key=share)
