@@ -179,10 +179,9 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     prior, bounds = begin.prior, begin.bounds
     start = layout.vector(plan.model)
 
-    def check(two_band: TwoBandData, x: Array, window: NDArray[np.bool_] | None = None) -> None:
+    def check(two_band: TwoBandData, x: Array) -> None:
         point = Whitening(two_band).point(x)
         deviation = noise_deviation(point)
-        point = point if window is None else point.within(window)
         score = prior.gradient_and_hessian(x)[0] + point.score()
         plain = prior.gradient_and_hessian(x)[0] + point.z.reshape(-1, layout.size).T @ point.r.ravel()
         free = layout.compliance

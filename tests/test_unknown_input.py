@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.beside_unknown import BesideUnknown
 from flexviz.diagnosis.course import Interrupted
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import SlowResidual
-from flexviz.diagnosis.unknown_input import unknown_place
+from flexviz.diagnosis.unknown_input import BesideUnknown, unknown_place
 from flexviz.diagnosis.vibration import vibration
 from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Equation, Layout, build_signals

@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.curves import fit_free_curve
@@ -24,7 +23,7 @@ from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_input import UnknownPlace, unknown_place
+from flexviz.diagnosis.unknown_input import BesideUnknown, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS, ChosenEffect
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet

@@ -76,7 +76,7 @@ def binned(data: SlowResidual, joint: int, name: str) -> tuple[Array, Ints, tupl
         return data.group.astype(float), data.group, ("",), len(data.groups)
     if name == "time":
         longest = max(float(data.time.max()), 1e-300)  # of a group
-        index = np.minimum(NODES * data.time / longest, NODES - 1).astype(int)
+        index = np.clip(NODES * data.time / longest, 0, NODES - 1).astype(int)
         return data.time, data.group * NODES + index, data.groups, NODES
     values, share = data.variable(name, joint), np.linspace(0, 1, NODES + 1)
     seen = values[data.shown] if data.shown.any() else np.zeros(1)
