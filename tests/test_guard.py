@@ -20,6 +20,7 @@ from flexviz.estimation import TwoBandData
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.statistics import NORMAL_95
+from tests.test_where import patch, with_hidden
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 EVERYTHING = ("coulomb_friction:joint2",)  # what the demonstration's robot has
@@ -52,7 +53,8 @@ def test_nothing_moves_where_nothing_is_wrong(clean):
 
 
 def test_a_missing_effect_moves_what_had_absorbed_it(demo):
-    found = check_bandwidth(demo, *model(demo, ()))
+    hidden = with_hidden(demo, 1, patch)
+    found = check_bandwidth(hidden, *model(hidden, EVERYTHING))
     assert np.all(found.rms[found.in_use] > 30 * found.noise_floor)
     assert not found.observer_error.any()
     assert ("stiffness", "joint2") in {(p.name, p.joint) for p in found.untrusted}

@@ -73,7 +73,8 @@ def notes(
     if own := ", ".join(e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap):
         text = f"not physics, but in the model: {own}; it stands for a law that is still unknown"
         out.append(("stopgap", text))
-    out += [("bandwidth", text) for text in (bandwidths.texts() if bandwidths is not None else ())]
+    for text in bandwidths.texts() if bandwidths is not None else ():
+        out.append(("bandwidth", text))
     return tuple(Note(kind, text) for kind, text in out)
 
 

@@ -103,11 +103,13 @@ def _map(data: SlowResidual, joint: int, name: str, folds: Folds) -> ResidualMap
         inside, strength = shown & (index // bins == best), strength[[best]]
     run = shortest_run(strength.sum(axis=0))
     within = values[inside & (index % bins >= run.start) & (index % bins < run.stop)]
-    rows = (one.reshape(shape) for one in (centres, mean, std, count))
+    rows = [one.reshape(shape) for one in (centres, mean, std)]
     by_group = {g: found.of(residual, shown & (data.group == k)) for k, g in enumerate(data.groups)}
     ends = (float(within.min()), float(within.max())) if len(within) else (0.0, 0.0)
-    own = data.joints[joint], name, UNITS[name], curves
-    return ResidualMap(*own, *rows, found.share, found.std, by_group, ends)
+    return ResidualMap(
+        data.joints[joint], name, UNITS[name], curves, rows[0], rows[1], rows[2], count.reshape(shape),
+        found.share, found.std, by_group, ends,
+    )  # fmt: skip
 
 
 def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> list[ResidualMap]:
@@ -200,6 +202,6 @@ def locate_residual(context: FitContext, fit: Fit, check: Callable[[], None] = l
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
         surely = max(m.explained - m.explained_std for m in ranked)  # noise follows some variable by chance
         own = [ResidualLocation(m.joint, m.variable, m.explained, m.range) for m in ranked]
-        places.append((chi[j] * max(surely, LIMITS.share), own))
+        places.append((float(chi[j]) * max(surely, LIMITS.share), own))
     places.sort(key=lambda joint: -joint[0])
     return Located(tuple(p for _, own in places for p in own), tuple(m for seen in maps for m in seen), parts)
