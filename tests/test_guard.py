@@ -13,18 +13,14 @@ from flexviz.diagnosis.bandwidth_check import (
     BandwidthCheck,
     bandwidths,
     check_bandwidth,
-    compared,
-    seconds,
-    slow_noise,
-    spans,
 )
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
 from flexviz.estimation import TwoBandData
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
-from flexviz.observers import FlatZeroPhase
 from flexviz.statistics import NORMAL_95
+from tests.test_where import patch, with_hidden
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 EVERYTHING = ("coulomb_friction:joint2",)  # what the demonstration's robot has
@@ -57,7 +53,8 @@ def test_nothing_moves_where_nothing_is_wrong(clean):
 
 
 def test_a_missing_effect_moves_what_had_absorbed_it(demo):
-    found = check_bandwidth(demo, *model(demo, ()))
+    hidden = with_hidden(demo, 1, patch)
+    found = check_bandwidth(hidden, *model(hidden, EVERYTHING))
     assert np.all(found.rms[found.in_use] > 30 * found.noise_floor)
     assert not found.observer_error.any()
     assert ("stiffness", "joint2") in {(p.name, p.joint) for p in found.untrusted}
@@ -78,53 +75,6 @@ def test_a_band_whose_products_are_wrong_is_found_out(demo, complete, monkeypatc
     monkeypatch.setattr(bandwidth_check, "FACTORS", (2.0 / 14, 4.0 / 14))
     found = check_bandwidth(demo, *complete)
     assert found.observer_error.any() and any("observer error" in text for text in found.texts())
-
-
-def test_every_bandwidth_sees_the_same_seconds(demo, complete):
-    bands = bandwidths(demo, complete[0], [0.3, 1.0])
-    common = spans(bands[0])
-    ends = []
-    for band in bands:
-        number = seconds(band, common)
-        time = band.wide.signals.time[number >= 0]
-        assert np.array_equal(np.unique(number[number >= 0]), np.arange(number.max() + 1))
-        ends.append((time.min(), time.max(), number.max()))
-    np.testing.assert_allclose(ends[0], ends[1], atol=0.1)
-    # the wide band alone would have more
-    wide = bands[1].wide.signals.time
-    assert wide.min() < ends[1][0] - 0.5 and wide.max() > ends[1][1] + 0.5
-
-
-def test_noise_of_a_residual_is_known(demo, complete):
-    """Noise added to the record changes the slow residual by what the closed form says."""
-    whole, x = complete
-    layout = Layout(whole.joints)  # friction's sign is not linear in the noise
-    x = x[: layout.size]
-    low = FlatZeroPhase(8.0)
-    rng = np.random.default_rng(0)
-    sigma = 1e-4, 0.05  # rad, Nm
-
-    def residual(noisy: bool) -> tuple[np.ndarray, np.ndarray]:
-        used = []
-        for group in demo.fit_groups:
-            parts = [
-                replace(
-                    s,
-                    theta=s.theta + noisy * sigma[0] * rng.standard_normal(s.theta.shape),
-                    tau=s.tau + noisy * sigma[1] * rng.standard_normal(s.tau.shape),
-                )
-                for s in group.segments
-            ]
-            used.append(replace(group, segments=tuple(parts)))
-        (band,) = bandwidths(replace(demo, groups=tuple(used)), layout, [0.6])
-        return compared(band, x, band, spans(band), low), slow_noise(band, x, low)
-
-    quiet = residual(False)[0]
-    sizes, known = [], np.zeros(2)
-    for _ in range(8):
-        found, known = residual(True)
-        sizes.append(np.mean((found - quiet) ** 2, axis=0))
-    np.testing.assert_allclose(np.sqrt(np.mean(sizes, axis=0)), known, rtol=0.15)
 
 
 @pytest.mark.skipif(not KUKA.exists(), reason="the real robot's recording is not beside this checkout")

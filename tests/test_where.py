@@ -14,7 +14,7 @@ from flexviz.diagnosis.cross_validation import explained, explained_in_time, mak
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import FREE_CURVE_NOTE, UNITS
-from flexviz.diagnosis.residual_location import locate_residual, residual_locations
+from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.residuals import chi_square, joint_residuals
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
@@ -208,14 +208,14 @@ def test_a_complete_model_is_at_the_floor(clean):
     [(bump, "position", (0.1, 0.1)), (slow_friction, "velocity", (-0.1, 0.1))],
 )
 def test_a_hidden_torque_is_placed(demo, joint, law, variable, inside):
-    first = residual_locations(*fitted(with_hidden(demo, joint, law), EVERYTHING))[0]
+    first = locate_residual(*fitted(with_hidden(demo, joint, law), EVERYTHING)).places[0]
     assert first.joint == f"joint{joint + 1}"
     assert first.variable == variable and first.explained > 0.5
     assert first.range[0] < inside[1] and inside[0] < first.range[1]
 
 
 def test_position_and_direction_together(patched):
-    first = residual_locations(*patched)[0]
+    first = locate_residual(*patched).places[0]
     assert (first.joint, first.variable) == ("joint2", "position") and first.explained > 0.7
     by_name = {m.variable: m for m in locate_residual(*patched).maps if m.joint == "joint2"}
     both = by_name["position × direction"]
@@ -227,7 +227,7 @@ def test_position_and_direction_together(patched):
 
 
 def test_a_vibration_has_a_frequency(demo):
-    first = residual_locations(*fitted(with_hidden(demo, 0, vibration), EVERYTHING))[0]
+    first = locate_residual(*fitted(with_hidden(demo, 0, vibration), EVERYTHING)).places[0]
     assert (first.joint, first.variable) == ("joint1", "frequency")
     assert first.range[0] < 5.3 < first.range[1] and first.explained > 0.5
 
@@ -235,9 +235,9 @@ def test_a_vibration_has_a_frequency(demo):
 def test_a_contact_has_a_time_and_a_group(demo):
     name = demo.fit_groups[1].name
     context, fit = fitted(with_hidden(demo, 1, contact, only=name), EVERYTHING)
-    first = residual_locations(context, fit)[0]
+    first = locate_residual(context, fit).places[0]
     assert (first.joint, first.variable) == ("joint2", "time")
-    assert first.range[0] < 5.9 < first.range[1] and first.range[1] - first.range[0] < 5.0
+    assert 4.5 < first.range[0] < first.range[1] < 7.0  # it lasts from 5.0 to 6.5 s
     by_time = next(
         m for m in locate_residual(context, fit).maps if (m.joint, m.variable) == ("joint2", "time")
     )
@@ -246,7 +246,8 @@ def test_a_contact_has_a_time_and_a_group(demo):
 
 def test_a_complete_model_has_no_place(clean):
     assert all(
-        abs(p.explained) < (0.25 if p.variable == "frequency" else 0.1) for p in residual_locations(*clean)
+        abs(p.explained) < (0.25 if p.variable == "frequency" else 0.1)
+        for p in locate_residual(*clean).places
     )
 
 
@@ -265,7 +266,7 @@ def test_maps_have_every_variable(clean):
 
 def test_free_form_draws_the_hidden_law(patched):
     context, fit = patched
-    curve = fit_free_curve(context, fit, residual_locations(context, fit)[0])
+    curve = fit_free_curve(context, fit, locate_residual(context, fit).places[0])
     assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == FREE_CURVE_NOTE
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
@@ -283,7 +284,7 @@ def test_free_form_draws_the_hidden_law(patched):
 
 def test_free_form_of_noise_is_nothing(clean):
     context, fit = clean
-    place = next(p for p in residual_locations(context, fit) if p.variable == "position")
+    place = next(p for p in locate_residual(context, fit).places if p.variable == "position")
     curve = fit_free_curve(context, fit, place)
     seen = np.isfinite(curve.value)
     assert abs(curve.explained) < 0.1
@@ -293,7 +294,7 @@ def test_free_form_of_noise_is_nothing(clean):
 def test_free_form_of_a_frequency_takes_another_variable(patched):
     context, fit = patched
     place = next(
-        p for p in residual_locations(context, fit) if (p.joint, p.variable) == ("joint2", "frequency")
+        p for p in locate_residual(context, fit).places if (p.joint, p.variable) == ("joint2", "frequency")
     )
     assert fit_free_curve(context, fit, place).variable == "position"
 
@@ -302,7 +303,7 @@ def test_free_form_of_a_frequency_takes_another_variable(patched):
 @pytest.mark.parametrize("case", ["2r-unknown", "ur5-unknown"])
 def test_practice(case):
     truth = json.loads((CASES.parent / "truth" / f"{case}.json").read_text())["effects"][0]
-    first = residual_locations(*fitted(read_set(CASES / case), []))[0]
+    first = locate_residual(*fitted(read_set(CASES / case), [])).places[0]
     assert (first.joint, first.variable) == (truth["joint"], "position")
     reach = 2 * truth["parameters"]["width"]
     assert abs(np.mean(first.range) - truth["parameters"]["position"]) < reach

@@ -14,7 +14,7 @@ from flexviz.diagnosis.records import (
     ParameterCurve,
     ResidualMap,
 )
-from flexviz.diagnosis.residual_location import maps_of, residual_locations
+from flexviz.diagnosis.residual_location import locate_residual, maps_of
 from flexviz.diagnosis.result import (
     Absorbed,
     Diagnosis,
@@ -55,9 +55,9 @@ __all__ = [
     "draft_from_curve",
     "errors_along",
     "fit_free_curve",
+    "locate_residual",
     "maps_of",
     "prediction_errors",
-    "residual_locations",
     "why_no_curve",
     "with_free_curve",
 ]

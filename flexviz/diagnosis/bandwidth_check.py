@@ -1,6 +1,6 @@
 """Bandwidth check: physical effects do not depend on the observer's bandwidth.
 
-One model is fitted to the same samples at several bandwidths of the diagnosis.
+One model is fitted at several bandwidths of the diagnosis.
 
 - The residual at fixed parameters, low-passed well inside every band, must not change. A change above the
   noise level is observer error: lag, droop, or motion beyond the band.
@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from flexviz._scipy import sp
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, search_bounds
 from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation import Block, Layout
+from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.estimation import (
     WIDE_HERTZ,
@@ -31,43 +32,27 @@ from flexviz.estimation import (
     TwoBandData,
     Whitening,
     base_parameters,
-    least_norm_solve,
-    noise_density,
-    noise_paths,
+    residual_noise,
     solve,
     start_values,
 )
+from flexviz.estimation.instrumental_variables import MAX_ITERATIONS
 from flexviz.identification import Combination, ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import FlatZeroPhase
 from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
-Key = tuple[int, float]  # of a stretch at all bandwidths: its group and start time
-Spans = dict[Key, tuple[float, float]]
 
 FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # bandwidths relative to the one in use
-STEPS = 6  # Gauss–Newton steps of a fit
-LIMITS = THRESHOLDS.evidence
 
 
-@dataclass(frozen=True)
-class BandwidthFit:
-    """Parameters at one bandwidth.
-
-    Attributes:
-        x: shape (P,).
-        covariance: of the parameters.
-        at_bound: shape (P,).
-        influence: shape (D, P), contribution of each second of data to x; sums to nearly zero.
-    """
+class BandwidthFit(NamedTuple):
+    """Parameters at one bandwidth, shape (P,), their covariance, and which are at a bound, shape (P,)."""
 
     x: Array
     covariance: Covariance
-    at_bound: Bools
-    influence: Array
+    at_bound: NDArray[np.bool_]
 
 
 def check_bandwidth(
@@ -83,41 +68,37 @@ def check_bandwidth(
     began = time.perf_counter()
     bands = bandwidths(measurements, layout, FACTORS)
     used = min(bands, key=lambda band: abs(bandwidth(band) - 2 * np.pi * WIDE_HERTZ))
-    in_use = bands.index(used)
-    start = start_values(measurements, used.narrow)
+    in_use, start = bands.index(used), start_values(measurements, used.narrow)
     prior, bounds = start.prior, search_bounds(start, layout)
-    common = spans(bands[0])
     # it also estimates the model error, if noise does not explain the residual
-    whitening = Whitening(used, adapted=True, window=seconds(used, common) >= 0)
-    begin = solve(whitening, prior, bounds, x, iterations=STEPS).place.x
+    whitening = Whitening(used, adapted=True)
+    begin = solve(whitening, prior, bounds, x, iterations=MAX_ITERATIONS).place.x
     model_error = whitening.two_band.noise_model.model_error
-    fits: list[BandwidthFit] = []
+    fits, rms, change = [], [], []
     for band in bands:
         check()
-        fits.append(fit_band(band.with_model_error(model_error), prior, bounds, begin, seconds(band, common)))
-    reference, top = fits[in_use].x, bandwidth(bands[0])
+        fits.append(fit_band(band.with_model_error(model_error), prior, bounds, begin))
+    reference, top, slowest = fits[in_use].x, bandwidth(bands[0]), bands[0].wide
     low = FlatZeroPhase(top / FlatZeroPhase.ratio)
-    base = compared(used, reference, used, common, low)
-    rms, change = [], []
+
+    def compared(band: TwoBandData, x: Array) -> Array:
+        return low_passed(band, x, low, bands[0], used)
+
+    base = compared(used, reference)
     for band, fit in zip(bands, fits, strict=True):
         check()
-        change.append(_rms(compared(band, reference, used, common, low) - base))
-        rms.append(_rms(compared(band, fit.x, used, common, low)))
-    floor = slow_noise(used, reference, low)
-    least = np.maximum(LIMITS.change * floor, LIMITS.change_share * _rms(base))
+        change.append(_rms(compared(band, reference) - base))
+        rms.append(_rms(compared(band, fit.x)))
+    link = slowest.at(reference).link_terms(reference)
+    passed = replace(slowest.signals, observer=low)
+    floor = np.sqrt(residual_noise(passed, layout, reference, link, bands[0].noise))
+    # errors of a narrower band do not affect the one in use
+    wrong = np.max(change[in_use:], axis=0) > np.maximum(floor, THRESHOLDS.evidence.share * _rms(base))
+    curves = _parameter_curves(measurements, layout, fits, in_use, prior)
     return BandwidthCheck(
-        bandwidths=np.array([bandwidth(b) for b in bands]),
-        in_use=in_use,
-        joints=layout.joints,
-        rms=np.array(rms),
-        noise_floor=floor,
-        change=np.array(change),
-        band=top,
-        # errors of a narrower band do not affect the one in use
-        observer_error=np.max(change[in_use:], axis=0) > least,
-        parameters=_parameter_curves(measurements, layout, fits, in_use, prior),
-        seconds=time.perf_counter() - began,
-    )
+        np.array([bandwidth(b) for b in bands]), in_use, layout.joints, np.array(rms), floor,
+        np.array(change), top, wrong, curves, time.perf_counter() - began,
+    )  # fmt: skip
 
 
 def _rms(residual: Array) -> Array:
@@ -127,11 +108,6 @@ def _rms(residual: Array) -> Array:
 def bandwidth(band: TwoBandData) -> float:
     """Of the wide band [rad/s]."""
     return float(np.max(band.wide.signals.observer.bandwidth))
-
-
-def stretches(band: TwoBandData) -> dict[Key, Block]:
-    """Contiguous samples by their group and start time, which are the same at all bandwidths."""
-    return {(b.group, float(b.segment.time[0])): b for b in band.blocks}
 
 
 def bandwidths(measurements: MeasurementSet, layout: Layout, factors: Sequence[float]) -> list[TwoBandData]:
@@ -154,73 +130,36 @@ def bandwidths(measurements: MeasurementSet, layout: Layout, factors: Sequence[f
     return [found[key] for key in sorted(found)]
 
 
-def spans(narrowest: TwoBandData) -> Spans:
-    """First and last instant of every stretch of the narrowest band, which all bands contain [s]."""
-    time, rows = narrowest.wide.signals.time, {key: b.rows for key, b in stretches(narrowest).items()}
-    return {key: (float(time[r.start]), float(time[r.stop - 1])) for key, r in sorted(rows.items())}
+def fit_band(band: TwoBandData, prior: Prior, bounds: Bounds, x: Array) -> BandwidthFit:
+    """Gauss–Newton on Zᵀ W r = b from x, shape (P,)."""
+    solved = solve(Whitening(band), prior, bounds, x, iterations=MAX_ITERATIONS)
+    from_noise = not band.noise_model.model_error.any()
+    covariance = solved.place.covariance(prior, from_noise, solved.at_bound)
+    return BandwidthFit(solved.place.x, covariance, solved.at_bound)
 
 
-def seconds(band: TwoBandData, common: Spans) -> Ints:
-    """Index of each sample's second within the common spans, shape (N,); −1 outside."""
-    out, blocks, total = np.full(band.wide.signals.count, -1), stretches(band), 0
-    for key, (first, last) in common.items():
-        rows, count = blocks[key].rows, max(1, int(np.ceil(last - first)))
-        time = band.wide.signals.time[rows]
-        number = total + np.clip((time - first).astype(int), 0, count - 1)
-        out[rows] = np.where((time >= first - 1e-9) & (time <= last + 1e-9), number, -1)
-        total += count
-    return out
-
-
-def fit_band(band: TwoBandData, prior: Prior, bounds: Bounds, x: Array, seconds: Ints) -> BandwidthFit:
-    """Gauss–Newton on Zᵀ W r = b from x, shape (P,); `seconds`, shape (N,): index of each sample's second."""
-    used = seconds >= 0
-    whitening = Whitening(band, window=used)
-    solved = solve(whitening, prior, bounds, x, iterations=STEPS)
-    point, from_noise = solved.place, not band.noise_model.model_error.any()
-    covariance = point.covariance(prior, from_noise, solved.at_bound)
-    # −H⁻¹ times the score of each second
-    score, free = np.zeros((int(seconds.max()) + 1, len(x))), ~solved.at_bound
-    np.add.at(score, seconds[used], point.sample_scores()[used])
-    influence = np.zeros_like(score)
-    hessian = solved.normal.hessian[np.ix_(free, free)]
-    influence[:, free] = -least_norm_solve(hessian, score[:, free].T).T
-    return BandwidthFit(point.x, covariance, solved.at_bound, influence)
-
-
-def compared(band: TwoBandData, x: Array, other: TwoBandData, common: Spans, low: FlatZeroPhase) -> Array:
-    """Low-passed residual at the samples of another band within the common spans, shape (N', n) [Nm].
+def low_passed(
+    band: TwoBandData, x: Array, low: FlatZeroPhase, narrowest: TwoBandData, other: TwoBandData
+) -> Array:
+    """Low-passed residual at the samples of another band where the narrowest has some, shape (N', n) [Nm].
 
     Each stretch is tapered over one cycle of the low-pass at both ends, where fast noise would leak into the
     pass band, and rescaled to the rms of an untapered stretch.
     """
     residual = band.residual(band.wide.at(x), x)
     ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
-    mine, there, out = stretches(band), stretches(other), []
-    for key, (first, last) in common.items():
-        own = mine[key]
-        time = band.wide.signals.time[own.rows]
+    blocks = [{(b.group, b.segment.time[0]): b for b in one.blocks} for one in (narrowest, band, other)]
+    out = []
+    for key, inner in blocks[0].items():
+        own, there = blocks[1][key], blocks[2][key]
+        time, at = band.wide.signals.time[own.rows], other.wide.signals.time[there.rows]
+        first, last = narrowest.wide.signals.time[inner.rows][[0, -1]]
         fade = np.minimum(time - first, last - time) / min(ramp, 0.5 * (last - first))
         fade = np.sin(0.5 * np.pi * np.clip(fade, 0.0, 1.0)) ** 2
         slow = low.derivatives(residual[own.rows] * fade[:, None], own.segment.step * own.stride, 1)[0]
         slow /= np.sqrt(np.mean(fade[fade > 0] ** 2))
-        at = other.wide.signals.time[there[key].rows]
         out.append(sp.interpolate.CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
     return np.concatenate(out)
-
-
-def slow_noise(band: TwoBandData, x: Array, low: FlatZeroPhase) -> Array:
-    """Standard deviation of the low-passed residual due to measurement noise, shape (n,) [Nm]."""
-    equation, signals = band.narrow, band.wide.signals
-    paths = noise_paths(equation.layout, x, equation.at(x).link_terms(x))
-    hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)
-    gain = np.abs(low.transfer(2 * np.pi * hertz, 0))[:, None] ** 2
-    total = np.zeros(equation.layout.n)
-    for block in signals.blocks:
-        here, step = [path.rows(block.rows) for path in paths], block.segment.step
-        density = noise_density(here, band.noise, signals.observer.transfer, step, hertz)
-        total += (block.rows.stop - block.rows.start) * np.trapezoid(gain * density, hertz, axis=0)
-    return np.sqrt(total / signals.count)
 
 
 def _parameter_curves(
@@ -229,45 +168,32 @@ def _parameter_curves(
     """Identifiable parameters over the bandwidth; for inertias, the identifiable combinations.
 
     A band wider than the one in use does not count: in a wider one, noise biases the parameters even of a
-    correct model.
+    correct model. The difference from an efficient estimate has the difference of the variances (Hausman,
+    Econometrica 46, 1978).
     """
     base = base_parameters(measurements.robot)
 
-    def estimates(fit: BandwidthFit, matrix: Array) -> list[Combination | ParameterEstimate]:
-        covariance = replace(fit.covariance, matrix=matrix)
-        single = parameter_estimates(layout, fit.x, fit.x, covariance, fit.at_bound, prior)
-        return [*single[layout.inertial.stop :], *combinations(base, layout, fit.x, matrix, prior)]
+    def estimates(fit: BandwidthFit) -> list[Combination | ParameterEstimate]:
+        single = parameter_estimates(layout, fit.x, fit.x, fit.covariance, fit.at_bound, prior)
+        return [
+            *single[layout.inertial.stop :],
+            *combinations(base, layout, fit.x, fit.covariance.matrix, prior),
+        ]
 
-    rows, differences, out = [], [], []
-    for fit in fits:
-        rows.append(estimates(fit, fit.covariance.matrix))
-        # the two fits share their data: their difference has a standard error of its own
-        apart = fit.influence - fits[in_use].influence
-        differences.append([p.std for p in estimates(fit, apart.T @ apart)])
-    for column, apart in zip(zip(*rows, strict=True), np.array(differences).T, strict=True):
+    out = []
+    for column in zip(*map(estimates, fits), strict=True):
         first = column[in_use]
         held = np.array([isinstance(p, ParameterEstimate) and p.at_bound for p in column])
         if first.identifiable == "no" or held[in_use]:
             continue
-        values, std = (
-            np.where(held, np.nan, [getattr(p, name) for p in column]) for name in ("value", "std")
-        )
-        moved = np.abs(values - first.value) / max(first.std, 1e-300)
-        excuse = np.abs(values - first.value) / np.maximum(apart, 1e-300)
-        beyond = np.nan_to_num(np.minimum(moved / NORMAL_95, excuse / LIMITS.deviations))
-        beyond[in_use:] = 0.0
-        worst = int(np.argmax(beyond)) if beyond.any() else in_use
+        pairs = np.array([(p.value, p.std) for p in column])
+        values, std = np.where(held[:, None], np.nan, pairs).T
+        change = np.nan_to_num(np.abs(values - first.value))[:in_use]
+        apart = np.nan_to_num(np.sqrt(np.maximum(std**2 - first.std**2, 0.0)))[:in_use]
+        allowed = np.maximum(NORMAL_95 * first.std, THRESHOLDS.criterion.outlier * apart)
         single = first if isinstance(first, ParameterEstimate) else None
-        out.append(
-            ParameterCurve(
-                name=first.name,
-                joint=single and single.joint,
-                unit=first.unit,
-                place=single and (single.payload or single.group),
-                values=values,
-                std=std,
-                moved=float(moved[worst]),
-                trusted=bool(beyond[worst] < 1.0),
-            )
-        )
+        joint, place = (single.joint, single.payload or single.group) if single else (None, None)
+        moved = float(np.max(change, initial=0.0)) / max(first.std, 1e-300)
+        trusted = bool(np.all(change <= allowed))
+        out.append(ParameterCurve(first.name, joint, first.unit, place, values, std, moved, trusted))
     return tuple(out)

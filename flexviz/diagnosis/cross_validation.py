@@ -33,7 +33,7 @@ class Folds:
     Attributes:
         fold: shape (N,), 0 … FOLDS − 1; −1 for samples that are not used.
         train: shape (FOLDS, N), training samples of each fold: those of other folds beyond the gap.
-        block: shape (N,), its index within each stretch; 0 for samples that are not used.
+        block: shape (N,), index within each stretch; 0 for samples that are not used.
         gap: samples between training and test.
         stretches: contiguous samples that are used.
     """
@@ -67,13 +67,7 @@ def make_folds(used: Bools, stretches: Sequence[slice], gap: int) -> Folds:
 
 @dataclass(frozen=True)
 class ExplainedShare:
-    """Share of a residual's mean square explained out of sample; zero on average for noise.
-
-    Attributes:
-        share: total over all samples.
-        std: its standard error.
-        product: shape (N,), contribution of each sample.
-    """
+    """Share of a residual's mean square explained out of sample, its error, and each sample's part (N,)."""
 
     share: float
     std: float

@@ -12,7 +12,7 @@ from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, finding, made_step
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
@@ -32,11 +32,10 @@ OLD_NOTES = ("free-curve", "stopgap", "unexplained", "changing", "unbiased", "ba
 def why_no_curve(diagnosis: Diagnosis) -> str:
     """Why no free curve can be added after a diagnosis; "" if one can."""
     last = diagnosis.steps[-1].verdict if diagnosis.steps else diagnosis.verdict
-    curve = diagnosis.free_curve
+    curve, own = diagnosis.free_curve, diagnosis.model.effects if diagnosis.model else ()
+    present = [(one, e.joint) for e in own if (one := free_curve(e.effect)) is not None]
     if last != "unknown":
         return f'the verdict is "{last}", a free curve is for "unknown"'
-    own = diagnosis.model.effects if diagnosis.model else ()
-    present = [(one, e.joint) for e in own if (one := free_curve(e.effect)) is not None]
     if curve is None and present:
         return f"the model has one on {present[-1][1]}, and another one would explain nothing"
     if curve is None:
@@ -56,12 +55,8 @@ def with_free_curve(
 ) -> Diagnosis:
     """The diagnosis with its free curve as one more step, estimated together with everything else.
 
-    The curve acts on the motor or on the link, whichever explains more.
-
-    Args:
-        measurements: the set.
-        diagnosis: its diagnosis; the last model is the one to extend.
-        tell: called with a progress message; may raise to stop.
+    The curve extends the last model, on the motor or on the link, whichever explains more. `tell` is called
+    with progress messages, and may raise to stop.
 
     Raises:
         InputError: there is no curve to add (`why_no_curve`).
@@ -78,10 +73,9 @@ def with_free_curve(
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
         tell(stages.FREE_CURVE)
-        fits: list[MotionFit] = []
-        for name in curve.effects:
-            layout = Layout(joints, (*own.effects, ChosenEffect(name, joints.index(curve.joint))))
-            fits.append(context.fit(layout, layout.vector(model), check=tell_nothing))
+        larger = [ChosenEffect(name, joints.index(curve.joint)) for name in curve.effects]
+        layouts = [Layout(joints, (*own.effects, effect)) for effect in larger]
+        fits = [context.fit(one, one.vector(model), check=tell_nothing) for one in layouts]
         after = min(fits, key=lambda fit: fit.objective)
         layout = after.layout
         first, last = (
@@ -113,13 +107,7 @@ def with_free_curve(
 
 @dataclass(frozen=True)
 class CurveDraft:
-    """A drafted effect file.
-
-    Attributes:
-        form: the simple law.
-        joint: where the curve was found.
-        content: of the file, a Python program.
-    """
+    """A drafted effect file: the simple law, the joint of the curve, and the file's content in Python."""
 
     form: CurveForm
     joint: str

@@ -4,7 +4,7 @@ The curve is a smooth torque u on the motor, with the nodes and the prior of the
 large as the residual. It changes the residual of a flexible joint by about u + κ ü with κ = M/K: slow
 components keep their sign, those above the frequency 1/√κ are inverted and amplified. κ is chosen by the
 data, because the stiffness of an incomplete model may be far off. The response is low-passed like the
-residual. A curve that is drawn stands for what no effect of the library explains: a stopgap, not a model.
+residual.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from flexviz.diagnosis.residuals import (
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.effects import FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import CONSTANTS, NODES, SIZE
-from flexviz.estimation import spectral_covariance
+from flexviz.estimation import WIDE_HERTZ, spectral_covariance
 
 Array = NDArray[np.float64]
 
@@ -37,16 +37,12 @@ BASES = {DIRECTED: "free_curve_direction", "velocity": "free_curve_velocity"}  #
 CURVED = ("position", DIRECTED, "velocity", "acceleration", "load", "time")
 
 
-RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)  # 1/(2π√κ) [Hz]; the first is a rigid joint
-
-
 @dataclass(frozen=True)
 class CurveFit:
     """A curve fitted to one joint's residual.
 
     Attributes:
-        curve: its splines.
-        ends: lower and upper end of their range.
+        ends: lower and upper end of the splines' range.
         columns: shape (N, C), response to the torque at each node.
         coefficients: shape (C,), torque at the nodes [Nm].
         precision: shape (C, C), of their prior [1/Nm²].
@@ -80,11 +76,8 @@ def fit_curve(
             both[:, rows] = SLOW.derivatives(design, float(data.step[rows.start]), 3)[::2]
     both = both if model is None else np.stack([model.left(columns, joint) for columns in both])
     both *= data.shown[:, None]
-    normal = [
-        (np.tensordot(own, own, (1, 1)), np.tensordot(own, residual[train], (1, 0)))
-        for train in folds.train
-        for own in [both[:, train]]
-    ]
+    parts = [(both[:, train], residual[train]) for train in folds.train]
+    normal = [(np.tensordot(own, own, (1, 1)), np.tensordot(own, rest, (1, 0))) for own, rest in parts]
     size, largest = float(np.mean(residual**2)) or 1.0, float(np.abs(residual).max()) or 1.0
     precision = curve.precision(largest / SIZE)[CONSTANTS:, CONSTANTS:]
 
@@ -99,7 +92,7 @@ def fit_curve(
     def left(prediction: Array) -> float:
         return float(np.mean((residual - prediction) ** 2) + 1e-9 * size)
 
-    ways = [np.array([1.0, (2 * np.pi * hertz) ** -2]) for hertz in RESONANCES]
+    ways = [np.array([1.0, (k / (2 * np.pi * WIDE_HERTZ)) ** 2]) for k in range(NODES)]
     # the prior counts relative to what the curve before leaves out of sample
     noise = left(predicted(ways[0], size))
     way = min(ways, key=lambda way: left(predicted(way, noise)))
@@ -143,16 +136,8 @@ def fit_free_curve(
             value[side, at] = design @ best.coefficients
             std[side, at] = np.sqrt(np.einsum("mi,ij,mj->m", design, covariance, design))
     curve = FreeCurve(
-        joint=place.joint,
-        variable=variable.split()[0],
-        unit=UNITS[variable],
-        directions=DIRECTIONS if best.curve.sides == 2 else ("",),
-        centres=centres,
-        value=value,
-        std=std,
-        explained=best.found.share,
-        explained_std=best.found.std,
-        smoothing=best.noise,
-    )
+        place.joint, variable.split()[0], UNITS[variable], DIRECTIONS if best.curve.sides == 2 else ("",),
+        centres, value, std, best.found.share, best.found.std, best.noise,
+    )  # fmt: skip
     form = curve.simple_form() if curve.certain else None
     return replace(curve, form=form.text if form else "")

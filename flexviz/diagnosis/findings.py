@@ -27,7 +27,7 @@ from flexviz.wording import step_shares
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.evidence
+LIMITS = THRESHOLDS.criterion
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ def absorbed(before: Stair, after: Stair) -> tuple[Absorbed, ...]:
     out = [
         Absorbed(name, joint, float(a[k]), float(b[k]), unit, float(deviations[k]))
         for k, (name, joint, unit) in enumerate(new.names()[:count])
-        if deviations[k] > LIMITS.deviations
+        if deviations[k] > LIMITS.outlier
     ]
     return tuple(sorted(out, key=lambda m: -m.deviations))
 

@@ -213,7 +213,7 @@ class MotionContext:
             np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
             for part in (~moving & used, moving)
         )
-        ratio, share = THRESHOLDS.standstill.ratio, THRESHOLDS.criterion.unknown_share
+        ratio, share = THRESHOLDS.criterion.deviations, THRESHOLDS.criterion.unknown_share
         louder = rest > np.maximum(ratio**2 * motion, (share * self.spread) ** 2)
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))

@@ -42,7 +42,7 @@ class Phase(IntEnum):
 def phases(signals: Signals) -> Phases:
     """The `Phase` of each sample and joint, shape (N, n)."""
     position, speed = signals.theta[0], np.abs(signals.theta[1])
-    moving = speed > LIMITS.speed * np.quantile(speed, 0.95, axis=0)
+    moving = speed > LIMITS.still * np.quantile(speed, 0.95, axis=0)
     phase = np.where(moving, Phase.MOTION, Phase.REST).astype(np.int8)
     for block in signals.blocks:
         rows = block.rows

@@ -20,7 +20,7 @@ from flexviz.wording import MOST_NAMED, listed, plural
 
 Array = NDArray[np.float64]
 
-LIMITS, STILL = THRESHOLDS.evidence, THRESHOLDS.standstill
+STILL = THRESHOLDS.standstill
 
 
 def notes(
@@ -34,9 +34,7 @@ def notes(
     """Notes on a diagnosis.
 
     Args:
-        final: final model.
-        verdict: verdict on it.
-        errors: its residuals.
+        final, verdict, errors: the final model, the verdict on it, and its residuals.
         model_error_variance: shape (n,) [Nm²], allowed in the search; None if there was none.
         curve: free curve of the unexplained residual.
         bandwidths: result of the bandwidth check.
@@ -51,7 +49,7 @@ def notes(
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > LIMITS.deviations * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > THRESHOLDS.criterion.outlier * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         text = (
             f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "
@@ -69,9 +67,8 @@ def notes(
         text = (
             f"a free curve against the {curve.variable}{sides} of {curve.joint} explains "
             f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
-            + (f"; its form is that of {curve.form}" if curve.form else "")
         )
-        out.append(("free-curve", text))
+        out.append(("free-curve", text + (f"; its form is that of {curve.form}" if curve.form else "")))
     if own := ", ".join(e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap):
         text = f"not physics, but in the model: {own}; it stands for a law that is still unknown"
         out.append(("stopgap", text))
@@ -102,7 +99,7 @@ def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, 
         """Range of each motor's position, shape (n,) [rad]."""
         return np.ptp(np.concatenate([s.theta for s in group.segments]), axis=0)
 
-    least = STILL.still_range * np.max([moved(group) for group in measurements.fit_groups], axis=0)
+    least = STILL.still * np.max([moved(group) for group in measurements.fit_groups], axis=0)
     still = [group.name for group in measurements.validation_groups if np.all(moved(group) < least)]
     if not still:
         return measurements, []

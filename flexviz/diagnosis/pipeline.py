@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
 from flexviz.diagnosis.candidates import rows_without_curves, without_curves
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
@@ -23,7 +22,8 @@ from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
 from flexviz.diagnosis.search import Tried
-from flexviz.diagnosis.unknown_input import JOINTS, UnknownPlace, unknown_place
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_input import BesideUnknown, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
 from flexviz.estimation import Covariance
 from flexviz.identification import parameter_estimates
@@ -184,7 +184,8 @@ class _Description:
     def place(self, fit: Fit) -> UnknownPlace | None:
         """The place of what the final model lacks: one law acts at one place."""
         end, view = self.end, self.course.view
-        several = view.own.n > JOINTS and np.count_nonzero(view.significant(end.coarse)) > 1
+        many = view.own.n > THRESHOLDS.search.unknown_places
+        several = many and np.count_nonzero(view.significant(end.coarse)) > 1
         if self.course.stopped or end.curves or end.changing is not None or several:
             return None
         self.course.tell(stages.PLACE)

@@ -39,7 +39,7 @@ class PredictionErrors:
 
     Attributes:
         rms: per joint, over the fit groups [Nm]; without standstill where that is judged apart.
-        rms_validation: per joint, over the validation groups [Nm]; None without any.
+        rms_validation: the same over the validation groups; None without any.
         groups: (name, rms per joint [Nm], whether held out) of every group.
         noise_floor: per joint, rms due to measurement noise alone [Nm].
         residual: shape (N, n) [Nm].
@@ -72,9 +72,7 @@ class PredictionErrorBand:
         self.signals = replace(made, sharp=True)
         self._shared: dict[object, Any] = {}
         self._noise = segments_noise([b.segment for b in self.signals.blocks])
-        of_group = np.full(self.signals.count, -1)
-        for block in self.signals.blocks:
-            of_group[block.rows] = block.group
+        of_group = self.signals.group
         self.rows = {g.name: np.flatnonzero(of_group == k) for k, g in enumerate(self.signals.groups)}
 
     @cached_property
@@ -113,18 +111,15 @@ def prediction_errors(
 
 
 def errors_along(
-    measurements: MeasurementSet,
-    model: FlexibleModel,
-    effects: Sequence[str],
-    iterations: Sequence[Iteration],
+    measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str], ends: Sequence[Iteration]
 ) -> tuple[PredictionErrors, ...]:
-    """Errors of a model, then those at the values of the `iterations` that led to it.
+    """Errors of a model, then those at the values of the iterations `ends` that led to it.
 
     An iteration with other parameters has the errors of the model.
     """
     layout, band = layout_of(measurements, effects), PredictionErrorBand(measurements)
     points, names = [layout.vector(model)], tuple(layout.labels())
-    for one in iterations:
+    for one in ends:
         x = points[0].copy()
         if tuple(one.names) == names:
             x[:] = one.values

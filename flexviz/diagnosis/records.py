@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import CURVES, CurveForm, curve_points, simple_form
 from flexviz.statistics import NORMAL_95
 
@@ -18,7 +19,7 @@ UNITS = {
     "time": "s", "group": "-", "frequency": "Hz",
 }  # fmt: skip
 DIRECTIONS = ("forward", "backward")
-DIRECTION_GAIN = 0.05  # additional share that position and direction together have to explain
+DIRECTION_GAIN = THRESHOLDS.evidence.share  # that position and direction together have to explain more
 FREE_CURVE_NOTE = "a stopgap fitted to the residual, not a model: it shows where, not why"
 
 
@@ -28,16 +29,15 @@ class ResidualMap:
 
     Attributes:
         joint, variable: of the residual; "position × direction" has one curve per direction.
-        unit: of the variable.
         curves: names of the S curves: directions, groups (against time), or "" for a single one; for
             "frequency" the residual and its noise floor.
-        centres: shape (S, B), mean of the variable in each bin; NaN in empty bins.
+        centres: shape (S, B), mean of the variable in each bin, in its `unit`; NaN in empty bins.
         mean: shape (S, B), mean residual [Nm]; for "frequency" the square root of its density [Nm/√Hz].
         std: shape (S, B), standard error of the mean, including autocorrelation [Nm].
         count: shape (S, B), samples; for "frequency" spectral lines.
         explained, explained_std: out-of-sample share of the residual's mean square, and its standard error;
-            zero on average for noise, hence sometimes negative. For "frequency" that of the strongest band of
-            one hertz above the noise floor, excluding the frequencies of the motion and their harmonics.
+            zero on average for noise. For "frequency" that of the strongest band of one hertz above the noise
+            floor, excluding the frequencies of the motion and their harmonics.
         explained_by_group: group → share within its samples.
         range: shortest range of the variable that contains half of the explained share.
     """
@@ -68,10 +68,8 @@ class FreeCurve:
             NaN outside the range of the motion. The part that the model's parameters can absorb is excluded,
             so that, e.g., extra friction beside Coulomb friction is known up to a constant.
         std: shape (S, M), its standard error [Nm].
-        explained, explained_std: share of the joint's residual that it predicts out of sample; its standard
-            error.
+        explained, explained_std: share of the joint's residual predicted out of sample; its standard error.
         smoothing: variance of an independent sample, relative to which the curve's prior counts [Nm²].
-        note: one-sentence caveat.
         form: the simple law that the curve resembles, in words; empty if there is none.
     """
 
@@ -113,9 +111,8 @@ class ParameterCurve:
         name, joint, unit: as in the JSON contract; inertias as identifiable combinations, without a joint.
         place: payload or group of the effect, if any.
         values, std: shape (M,); NaN at a bound.
-        moved: largest distance from the value at the bandwidth in use, in standard errors of that value.
-        trusted: it stays within its 95 % interval, or noise explains the difference of the two fits, which
-            share their data.
+        moved: largest distance of a narrower band's value from that in use, in standard errors of the latter.
+        trusted: it stays within its 95 % interval, or noise explains the difference of the two fits.
     """
 
     name: str
@@ -135,14 +132,12 @@ class BandwidthCheck:
     Attributes:
         bandwidths: shape (M,), ascending [rad/s].
         in_use: index of the bandwidth in use.
-        joints: names.
         rms: shape (M, n), residual below `band` after fitting at each bandwidth [Nm].
         noise_floor: shape (n,), its part due to measurement noise [Nm].
         change: shape (M, n), rms change of the residual relative to the bandwidth in use, at the parameters
-            found there [Nm]; noise changes nothing: below `band`, all bands are flat.
-        band: upper limit of the frequencies compared [rad/s].
-        observer_error: shape (n,), a wider band changes the residual by more than noise and by a considerable
-            share of the residual.
+            found there [Nm]; noise changes nothing: below `band` [rad/s], all bands are flat.
+        observer_error: shape (n,), a wider band changes the residual by more than noise and by a share of it
+            that counts.
         parameters: identifiable parameters.
         seconds: wall time.
     """
@@ -160,11 +155,6 @@ class BandwidthCheck:
     observer: str = "two bands"
 
     @property
-    def change_noise(self) -> Array:
-        """Part of `change` due to measurement noise, shape (M, n) [Nm]."""
-        return np.zeros_like(self.change)
-
-    @property
     def untrusted(self) -> tuple[ParameterCurve, ...]:
         """Parameters that leave their interval, the largest change first."""
         return tuple(sorted((p for p in self.parameters if not p.trusted), key=lambda p: -p.moved))
@@ -172,17 +162,16 @@ class BandwidthCheck:
     def texts(self) -> tuple[str, ...]:
         """One sentence per joint with observer error and per untrusted parameter."""
         low, high = self.bandwidths[0], self.bandwidths[-1]
-        out = [
-            f"{joint}: the residual changes by up to {self.change[:, j].max():.3g} Nm between bandwidths of "
-            f"{low:.3g} and {high:.3g} rad/s: part of it is observer error, not physics"
-            for j, joint in enumerate(self.joints)
-            if self.observer_error[j]
-        ]
-        for p in self.untrusted:
-            place = ", ".join(part for part in (p.joint, p.place) if part)
-            out.append(
-                f"{p.name}{f' ({place})' if place else ''} changes with the bandwidth between "
-                f"{np.nanmin(p.values):.4g} and {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
-                "errors: not to be trusted"
-            )
-        return tuple(out)
+        joints = (
+            f"{self.joints[j]}: the residual changes by up to {self.change[:, j].max():.3g} Nm between "
+            f"bandwidths of {low:.3g} and {high:.3g} rad/s: part of it is observer error, not physics"
+            for j in np.flatnonzero(self.observer_error)
+        )
+        places = (", ".join(filter(None, (p.joint, p.place))) for p in self.untrusted)
+        parameters = (
+            f"{p.name}{place and f' ({place})'} changes with the bandwidth between "
+            f"{np.nanmin(p.values):.4g} and {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
+            "errors: not to be trusted"
+            for p, place in zip(self.untrusted, places, strict=True)
+        )
+        return (*joints, *parameters)

@@ -35,7 +35,6 @@ class JointResiduals:
     """Residual of the fit groups or of the validation groups at a fit.
 
     Attributes:
-        two_band, point: signals; whitened residual and instruments of the fit.
         residual: shape (N, n) [Nm], in the wide band, without nuisance pulses at reversals.
         slow: shape (N, n) [Nm], `residual` after a low-pass; zero if not shown. (A residual formed from
             equally low-passed signals would contain errors in their products.)
@@ -122,7 +121,6 @@ class SlowResidual:
     """Slow residual of all groups of a context, with the variables it may depend on.
 
     Attributes:
-        joints, groups: names; groups in the order of the set.
         group: shape (N,), index into `groups`.
         stretches: contiguous samples, of which only `shown`, shape (N,), count.
         time, step: shape (N,), time within the group and sample step [s].
@@ -157,22 +155,17 @@ class SlowResidual:
 def samples(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> SlowResidual:
     """Slow residual of fit and validation groups, without what the parameters can absorb."""
     names = tuple(g.name for g in context.measurements.groups)
-    group, step, stretches, at = [], [], [], 0
-    for part in parts:
-        signals = part.two_band.narrow.signals
-        for block in signals.blocks:
-            count = block.rows.stop - block.rows.start
-            group.append(np.full(count, names.index(signals.groups[block.group].name)))
-            step.append(np.full(count, block.segment.step * block.stride))
-            stretches.append(slice(at + block.rows.start, at + block.rows.stop))
-        at += signals.count
+    signals = [part.two_band.narrow.signals for part in parts]
+    group = [np.array([names.index(s.groups[k].name) for k in s.group], int) for s in signals]
+    blocks = [(at, b) for at, s in zip((0, signals[0].count), signals, strict=False) for b in s.blocks]
     shown, found = np.concatenate([p.shown for p in parts]), absorption(context, fit, parts)
     left = np.concatenate([p.slow + jac @ found.step for p, jac in zip(parts, found.jacobians, strict=True)])
     return SlowResidual(
-        fit.layout.joints, names, np.concatenate(group), tuple(stretches), shown,
-        np.concatenate([p.two_band.narrow.signals.time for p in parts]),
-        np.concatenate(step), left * shown[:, None],
-        np.concatenate([p.two_band.narrow.signals.theta[:3] for p in parts], axis=1),
+        fit.layout.joints, names, np.concatenate(group),
+        tuple(slice(at + b.rows.start, at + b.rows.stop) for at, b in blocks), shown,
+        np.concatenate([s.time for s in signals]),
+        np.concatenate([np.full(b.rows.stop - b.rows.start, b.segment.step * b.stride) for _, b in blocks]),
+        left * shown[:, None], np.concatenate([s.theta[:3] for s in signals], axis=1),
         np.concatenate([p.point.torque for p in parts]),
     )  # fmt: skip
 
@@ -199,11 +192,8 @@ class Absorption:
     def left(self, columns: Array, joint: int) -> Array:
         """What the parameters cannot absorb of contributions (N, C) to a joint's residual."""
         own = np.concatenate([jacobian[:, joint] for jacobian in self.jacobians])
-        fitted, scale = (
-            slice(0, len(self.jacobians[0])),
-            1 / np.sqrt(np.maximum(np.diag(self.hessian), 1e-300)),
-        )
-        right = self.weight[joint] ** 2 * own[fitted].T @ columns[fitted]
+        scale, fitted = 1 / np.sqrt(np.maximum(np.diag(self.hessian), 1e-300)), len(self.jacobians[0])
+        right = self.weight[joint] ** 2 * own[:fitted].T @ columns[:fitted]
         step = np.linalg.solve(self.hessian * scale[:, None] * scale, right * scale[:, None])
         return columns - (own * scale) @ step
 

@@ -55,10 +55,8 @@ class PriorThresholds:
 class StandstillThresholds:
     """Where a joint rests, friction takes any value up to its limit."""
 
-    ratio: float = 1.5  # residual at rest relative to that in motion from which it is judged apart
-    speed: float = 0.01  # of a joint's 95 % speed: it rests below
+    still: float = 0.01  # of a joint's 95 % speed or of its range of positions: within, it rests
     start_angle: float = 0.01  # [rad] after rest that counts as standstill
-    still_range: float = 0.01  # of the fit groups' range of positions: a held-out group within stands still
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -66,15 +64,8 @@ class EvidenceThresholds:
     """What is reported."""
 
     tied_correlation: float = 0.98  # of two signatures
-    deviations: float = 3.0  # standard errors from which a change is stated
-    lead: float = 3.0  # times what an input at the place of an unknown law leaves, that others leave
-    least_lead: float = 0.3  # excess that they leave at least
-    place_share: float = 1e-3  # of the excess that an input at the place of an unknown law leaves at most
+    share: float = 0.05  # of a residual or a motion: less does not count
     changing_share: float = 0.25  # half of the change of an effect's size, relative to it
-    vibration_share: float = 0.5  # of a joint's residual that a vibration explains
-    motion_share: float = 0.05  # of a joint's velocity, from which its motion may cause a vibration
-    change: float = 1.0  # change of a residual with the bandwidth relative to the noise ...
-    change_share: float = 0.1  # ... and relative to the residual
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

@@ -11,16 +11,14 @@ from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.result import Tie
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects.free_curve import NODES
+from flexviz.equation import Signals
 from flexviz.estimation import Projection
 
 Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 LIMITS = THRESHOLDS.evidence
-TELLING_SHARE, TELLING_DENSITY = (
-    0.02,
-    1.5,
-)  # least share of the samples, and difference there against the mean
 
 
 def ties(view: Coarse, model: CoarseModel, effect: ChosenEffect, rivals: Sequence[str]) -> Iterator[Tie]:
@@ -49,12 +47,13 @@ def ties(view: Coarse, model: CoarseModel, effect: ChosenEffect, rivals: Sequenc
             other = ChosenEffect(name, joint)
             if other in fit.layout.effects:
                 continue
-            best, there = 0.0, mine
-            for guess in EFFECTS[name].guesses(fit.point.context, other.place):
-                for one in guess.columns:
-                    column = outside((fit.chain.column(guess.entry, guess.joints, one) * fit.weights).ravel())
-                    if abs(float(column @ mine)) > best:
-                        best, there = abs(float(column @ mine)), column * np.sign(column @ mine)
+            columns = [
+                outside((fit.chain.column(guess.entry, guess.joints, one) * fit.weights).ravel())
+                for guess in EFFECTS[name].guesses(fit.point.context, other.place)
+                for one in guess.columns
+            ]
+            there = max(columns, key=lambda column: abs(float(column @ mine)), default=0 * mine)
+            best = abs(float(there @ mine))
             if best > LIMITS.tied_correlation or name in rivals:
                 yield Tie(name, fit.layout.joint_name(other), best, telling_motion(view, effect, mine, there))
 
@@ -67,35 +66,24 @@ def telling_motion(view: Coarse, effect: ChosenEffect, mine: Array, other: Array
     if density.sum() <= 1e-12:
         return "The two effects look the same in every motion of this set: record a different kind of motion."
     joint = effect.joint if effect.joint is not None else int(np.argmax(squares.sum(axis=0)))
-    ranked = [
-        (float(density[rows].mean() / density.mean()), text)
-        for text, rows in _kinds_of_motion(view, joint, joints[joint]).items()
-        if np.count_nonzero(rows) > TELLING_SHARE * signals.count
-    ]
-    ratio, text = max(ranked, default=(0.0, ""))
-    if ratio < TELLING_DENSITY:
-        return "They differ slightly in every motion: any additional data would help."
+    kinds = _kinds_of_motion(signals, joint, joints[joint])
+    ratio, text = max((float(density[rows].mean() / density.mean()), text) for text, rows in kinds)
     return f"They differ most in {text} ({ratio:.1f} times the average): record more data of this kind."
 
 
-def _kinds_of_motion(view: Coarse, joint: int, name: str) -> dict[str, Bools]:
-    """Description → samples, shape (N,), of each kind of motion of a joint and of each group."""
-    signals = view.context.signals
+def _kinds_of_motion(signals: Signals, joint: int, name: str) -> Iterator[tuple[str, Ints]]:
+    """Description and samples of each extreme of a joint's motion, and of each group."""
     position, load = signals.theta[0, :, joint], np.abs(signals.tau[0, :, joint])
     speed, acceleration = np.abs(signals.theta[1:3, :, joint])
-    low, high = np.quantile(position, [0.15, 0.85])
-    kinds: dict[str, Bools] = {
-        f"slow motion and reversals of {name}": speed < np.quantile(speed, 0.15),
-        f"fast motion of {name}": speed > np.quantile(speed, 0.85),
-        f"high torque on {name}": load > np.quantile(load, 0.85),
-        f"torque near zero on {name}": load < np.quantile(load, 0.15),
-        f"strong acceleration of {name}": acceleration > np.quantile(acceleration, 0.85),
-        f"positions of {name} near {low:.2g} rad": position < low,
-        f"positions of {name} near {high:.2g} rad": position > high,
-    }
+    for values, least, most in (
+        (speed, f"slow motion and reversals of {name}", f"fast motion of {name}"),
+        (load, f"torque near zero on {name}", f"high torque on {name}"),
+        (acceleration, "", f"strong acceleration of {name}"),
+        (position, f"low positions of {name}", f"high positions of {name}"),
+    ):
+        parts = np.array_split(np.argsort(values), NODES)
+        yield from ((text, parts[end]) for text, end in ((least, 0), (most, -1)) if text)
     for k, group in enumerate(signals.groups):
-        rows = np.zeros(signals.count, bool)
-        for block in signals.blocks:
-            rows[block.rows] |= block.group == k
-        kinds[f"motion and payload of group {group.name} (payload {group.payload})"] = rows
-    return kinds
+        rows = np.flatnonzero(signals.group == k)
+        if len(rows):
+            yield f"motion and payload of group {group.name} (payload {group.payload})", rows

@@ -7,16 +7,15 @@ its law is not known.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from flexviz.diagnosis.motion_fit import MotionFit
-from flexviz.effects import EFFECTS, ChosenEffect, free_curve
+from flexviz.effects import CURVES, EFFECTS, ChosenEffect, free_curve
+from flexviz.effects.free_curve import STAND_INS
 from flexviz.equation import Layout
 from flexviz.parallel import shared
-
-TWICE_AS_RICH = 1.5  # times the gain of one curve, for one per direction
-ONE_WAY = ("free_curve_friction", "free_curve_position")
-EACH_WAY = ("free_curve_direction", "free_curve_velocity")  # with twice as many nodes
 
 
 def is_curve(effect: ChosenEffect) -> bool:
@@ -24,24 +23,21 @@ def is_curve(effect: ChosenEffect) -> bool:
     return free_curve(effect.effect) is not None
 
 
-def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
-    """The free curve of a joint, on motor or link, that explains most beside a model, and its gain.
+def best_curve(fit: MotionFit, joint: int, time: float) -> tuple[ChosenEffect, float]:
+    """The free curve of a joint's motion that explains most beside a model, and its gain [nats].
 
-    One of a single branch, unless one for each direction of motion explains clearly more.
+    `time`: samples per independent one of the joint's residual.
     """
-    names = [
-        name.replace("curve", side) for name in (*ONE_WAY, *EACH_WAY) for side in ("curve", "link_curve")
-    ]
-    curves = [ChosenEffect(name, joint) for name in names]
+    motion = [curve.name for curve in (*STAND_INS, *CURVES) if curve.variable in ("position", "velocity")]
+    curves = [ChosenEffect(name, joint) for name in motion]
     _ = fit.projection  # for all cores
-    gains = list(shared(lambda curve: curve_gain(fit, curve), curves))
-    plain, rich = (max(part, key=gains.__getitem__) for part in np.split(np.arange(len(curves)), 2))
-    best = rich if gains[rich] > TWICE_AS_RICH * gains[plain] else plain
+    gains = [0.5 * gain / time - cost for gain, cost in shared(partial(curve_gain, fit), curves)]
+    best = int(np.argmax(gains))
     return curves[best], gains[best]
 
 
-def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:
-    """Decrease of the weighted sum of squares by a curve under its prior, beside the model's parameters."""
+def curve_gain(fit: MotionFit, curve: ChosenEffect) -> tuple[float, float]:
+    """Decrease of the weighted sum of squares by a curve under its prior, and ½ log det(1 + C G) [nats]."""
     layout = Layout(fit.layout.joints, (*fit.layout.effects, curve))
     where, start = layout.effect_slice(curve), fit.context.start(layout)
     terms = EFFECTS[curve.effect].terms(fit.point.context, curve.place, start.x[where])
@@ -50,4 +46,5 @@ def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:
     weighted = np.stack(columns, axis=2) * fit.weights[:, :, None]
     gram, along = fit.projection.normal(weighted.reshape(-1, weighted.shape[2]))
     prior = start.prior.gradient_and_hessian(start.x)[1][where, where][np.ix_(free, free)]
-    return float(along @ np.linalg.solve(gram + prior, along))
+    cost = 0.5 * float(np.linalg.slogdet(prior + gram)[1] - np.linalg.slogdet(prior)[1])
+    return float(along @ np.linalg.solve(gram + prior, along)), cost

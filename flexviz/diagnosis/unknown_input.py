@@ -1,4 +1,4 @@
-"""Where an unmodelled torque acts: the joint, and the side of its transmission.
+"""Where an unmodelled torque acts, joint and side of its transmission; the model that it does not bias.
 
 Every place is tried in turn: the model is fitted beside an arbitrary torque there (`UnknownInput`). Beside an
 input at the law's own place all joints agree with the noise, whatever the law; at another they do not. The
@@ -7,7 +7,7 @@ residual of a fit without an input may be larger on a neighbouring joint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,20 +15,22 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import excess
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.residuals import joint_residuals
+from flexviz.diagnosis.residual_location import Located, locate_residual
+from flexviz.diagnosis.residuals import JointResiduals, joint_residuals, samples
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.varying_size import ChangingSize
+from flexviz.diagnosis.vibration import vibration
 from flexviz.equation import Layout
-from flexviz.estimation import SIDES, Side, UnknownInput
+from flexviz.estimation import ESTIMATION, SIDES, Covariance, Side, UnknownInput
+from flexviz.estimation.instrumental_variables import MAX_ITERATIONS
+from flexviz.identification import parameter_estimates
 from flexviz.parallel import shared
+from flexviz.results import Note
+from flexviz.wording import interval, number, plain_name
 
 Array = NDArray[np.float64]
 
-LIMITS = THRESHOLDS.evidence
-JOINTS = 3  # number of joints, by residual, on which an input is tried
-ITERATIONS = 10, 16  # of the first fits beside it, and of the most promising
-FAR = 30.0  # excess from which a fit may be far off
-REACHED = 1.0  # excess beside the input at the right place, at most
-
+COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how the unknown law biases them
 PLACES: dict[Side, str] = {
     "motor": "on the motor side of {}",
     "transmission": "in the transmission of {}",
@@ -58,7 +60,7 @@ class UnknownPlace:
     @property
     def complete(self) -> bool:
         """Whether all joints agree with the noise beside the input; otherwise it explains most."""
-        return self.left <= REACHED
+        return 1 + self.left <= ESTIMATION.consistent
 
     @property
     def joint(self) -> str:
@@ -74,15 +76,9 @@ class UnknownPlace:
             return f"what is missing {beside} all joints agree with the noise"
         return f"most of what is missing {beside} little of the error stays"
 
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A model fitted beside an unknown input; `left` is its excess."""
-
-    unknown: UnknownInput
-    x: Array
-    left: float
-    converged: bool
+    def beats(self, other: UnknownPlace) -> bool:
+        """Whether the residual beside another input is clearly larger, in units of what this one leaves."""
+        return 1 + other.left > THRESHOLDS.criterion.deviations**2 * (1 + self.left)
 
 
 def unknown_place(
@@ -94,54 +90,97 @@ def unknown_place(
     single joint, where the input explains everything, whatever is missing. `check`: called between fits; may
     raise to stop.
     """
-    n, lacking = fit.layout.n, excess(fit)
-    if n == 1:
+    layout, lacking = fit.layout, excess(fit)
+    if layout.n == 1:
         return None
     # far from the noise, the parameters of the fit are a worse start than those of a rigid robot
-    starts = (fit.x,) if lacking < FAR else (fit.x, context.start(fit.layout).x)
-
-    def tried(unknown: UnknownInput, x: Array, iterations: int) -> _Trial:
-        check()
-        try:
-            found = context.with_unknown_input(unknown).fit(fit.layout, x, iterations=iterations, check=check)
-        except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
-            return _Trial(unknown, x, np.inf, True)
-        left = excess(found)
-        return _Trial(unknown, found.x, left if np.isfinite(left) else np.inf, found.converged)
-
+    starts = (fit.x, context.start(layout).x)[: 1 + (1 + lacking > ESTIMATION.far_above_noise)]
+    # their own residual, from which that of others is not subtracted as in `chi`
+    loudest = np.argsort(-np.sum(joint_residuals(context, fit)[0].white ** 2, axis=0)).tolist()
+    joints = [*dict.fromkeys((*likely, *loudest))][: THRESHOLDS.search.unknown_places]
     rms = np.sqrt(np.mean(context.two_band.narrow.signals.tau[0] ** 2, axis=0))
-    joints = [*dict.fromkeys((*likely, *_loudest(context, fit)))][:JOINTS] if n > JOINTS else range(n)
-    inputs = [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES]
-    trials = list(shared(lambda at: tried(*at, ITERATIONS[0]), [(u, x) for u in inputs for x in starts]))
-    leaders = [_best(t for t in trials if t.unknown == unknown) for unknown in inputs]
-    best = _best(leaders)
-    more = [t for t in leaders if not t.converged and t.left < max(10 * _least(best), REACHED)]
-    more += [
-        replace(t, x=best.x) for t in leaders if t.left > lacking
-    ]  # an input explains something at least
-    trials += shared(lambda t: tried(t.unknown, t.x, ITERATIONS[1]), more)
-    leaders = [_best(t for t in trials if t.unknown == unknown) for unknown in inputs]
-    best = _best(leaders)
-    least = _least(best)
-    if best.left > max(REACHED, LIMITS.place_share * lacking):
+
+    def tried(place: tuple[int, Side]) -> UnknownPlace:
+        joint, side = place
+        unknown = UnknownInput(joint, side, float(rms[joint]))
+        best = UnknownPlace(unknown, layout, fit.x, False, np.inf, True)
+        check()
+        beside = context.with_unknown_input(unknown)
+        for start in starts:
+            try:
+                found = beside.fit(layout, start, iterations=MAX_ITERATIONS, check=check)
+            except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
+                continue
+            if excess(found) < best.left:
+                best = replace(best, x=found.x, left=excess(found), converged=found.converged)
+        return best
+
+    places = list(shared(tried, [(j, side) for j in joints for side in SIDES]))
+    best = min(places, key=lambda place: place.left)
+    others = [p for p in places if p.unknown.joint != best.unknown.joint]
+    few = best.complete or best.left <= THRESHOLDS.evidence.share * lacking
+    if not few or not all(map(best.beats, others)):
         return None
-    if any(t.left < least for t in leaders if t.unknown.joint != best.unknown.joint):
-        return None
-    others = (t for t in leaders if t.unknown.joint == best.unknown.joint and t is not best)
-    sure = all(t.left > least for t in others)
-    return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left, best.converged)
+    return replace(best, sure=all(best.beats(p) for p in places if p not in others and p is not best))
 
 
-def _loudest(context: FitContext, fit: Fit) -> list[int]:
-    """The joints by their own residual, from which that of others is not subtracted as in `chi`."""
-    white = joint_residuals(context, fit)[0].white
-    return [int(j) for j in np.argsort(-np.sum(white**2, axis=0))]
+@dataclass(frozen=True, eq=False)
+class BesideUnknown:
+    """A model whose parameters an unknown law does not bias; `fit`: in units of the noise without it."""
+
+    place: UnknownPlace
+    fit: Fit
+    covariance: Covariance
+
+    @staticmethod
+    def of(context: FitContext, fit: Fit, place: UnknownPlace | None) -> BesideUnknown | None:
+        """The model of a fit beside the input at a place; None if there is no place for this model."""
+        if place is None or place.layout != fit.layout:
+            return None
+        beside = context.with_unknown_input(place.unknown)
+        try:
+            covariance = beside.covariance(beside.fit(fit.layout, place.x, iterations=0))
+            again = context.fit(fit.layout, place.x, iterations=0, near=fit)
+        except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
+            return None
+        return BesideUnknown(place, replace(again, unbiased=True), covariance)
+
+    def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Note]:
+        """The place, and parameters that are clearly different in a fit without the input."""
+        hertz = vibration(samples(context, self.fit, parts), self.place.unknown.joint)
+        shaken = f"; it is a vibration of {hertz:.3g} Hz, whatever the robot does" if hertz else ""
+        yield Note("place", self.place.text + shaken)
+        # an input on the motor side also changes the deflection
+        sound = self.place.complete and self.place.converged and self.place.unknown.side != "motor"
+        if told := ", ".join(self._told(context, biased) if sound else ()):
+            yield Note("unbiased", f"beside this arbitrary torque: {told}")
+
+    def _told(self, context: FitContext, biased: Fit) -> Iterator[str]:
+        """What is said of each parameter that differs clearly."""
+        layout, start = self.fit.layout, context.start(self.fit.layout)
+        at_bound = np.isclose(self.fit.x, start.bounds.lower) | np.isclose(self.fit.x, start.bounds.upper)
+        here, without = (
+            parameter_estimates(layout, x, start.prior.centre, self.covariance, at_bound, start.prior)
+            for x in (self.fit.x, biased.x)
+        )
+        # what acts within a joint may pass for one of its properties
+        on_link = self.place.sure and self.place.unknown.side == "link"
+        for one, other in zip(here, without, strict=True):
+            apart = one.name in COMPARED and (on_link or one.joint != self.place.joint)
+            clear = abs(one.value - other.value) > THRESHOLDS.criterion.outlier * one.std
+            if apart and one.identifiable == "yes" and clear:
+                shown = f"{plain_name(one.name)} of {one.joint} {' ± '.join(interval(one.value, one.std))}"
+                yield f"{shown} {one.unit} instead of {number(other.value, 4)}"
 
 
-def _least(best: _Trial) -> float:
-    """Excess that inputs elsewhere leave at least, if the best one is at the right place."""
-    return LIMITS.lead * best.left + LIMITS.least_lead
+def locate_unknown(
+    context: FitContext, fit: Fit, beside: BesideUnknown | None, changing: ChangingSize | None
+) -> Located:
+    """Where the residual lies: with the parameters beside the input, if there is one.
 
-
-def _best(trials: Iterable[_Trial]) -> _Trial:
-    return min(trials, key=lambda t: t.left)
+    The joint of a size that changes comes first, or else that of the input.
+    """
+    found = locate_residual(context, fit if beside is None else beside.fit)
+    named = None if changing is None else changing.named[1]
+    first = named or (None if beside is None else beside.place.joint)
+    return found._replace(places=tuple(sorted(found.places, key=lambda p: first not in (None, p.joint))))

@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.criterion import Gain, chance
 from flexviz.diagnosis.fine import Fine, FineModel
-from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.estimation import explained
@@ -23,9 +23,9 @@ from flexviz.wording import plain_name, unit_text
 
 Array = NDArray[np.float64]
 
-CERTAIN = 40.0  # [nats] that the change of a size gains beyond its cost
+LIMITS = THRESHOLDS.evidence
+
 ALONG: tuple[Literal["time", "load"], ...] = ("time", "load")
-RANGE = (0.05, 0.95)  # quantiles of a load between which a change is stated
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,6 @@ class ChangingSize:
 
     Attributes:
         named: the effect's name, joint, group and payload, as of a `Finding`.
-        size: p.
         along: "time" of each recording, or "load" of the joint.
         start, end: about p at the start and at the end of a recording, or at low and high load, in its unit.
     """
@@ -50,14 +49,12 @@ class ChangingSize:
         """The finding as a sentence."""
         effect, *places = self.named
         place = next((f" of {place}" for place in places if place), "")
-        same = self.start * self.end > 0 or 0.0 in (self.start, self.end)
-        verb = "changes" if not same else "grows" if abs(self.end) > abs(self.start) else "falls"
-        what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place}"
-        ends = f"{self.start:.2g} to {self.end:.2g} {unit_text(self.size.unit)}".rstrip()
+        grows = "grows" if abs(self.end) > abs(self.start) else "falls"
+        what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place} is not constant"
+        how = f"{'changes' if self.start * self.end < 0 else grows} from about {self.start:.2g} to"
+        end = f"{self.end:.2g} {unit_text(self.size.unit)}".rstrip()
         when = "during a recording" if self.along == "time" else "with the torque that the joint transmits"
-        return (
-            f"{what} is not constant: it {verb} from about {ends} {when}, which this effect cannot describe"
-        )
+        return f"{what}: it {how} {end} {when}, which this effect cannot describe"
 
 
 def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
@@ -65,32 +62,33 @@ def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
 
     The criterion judges the gain of a linear change, estimated in closed form, like that of any move.
     """
-    fit, context, like = model.fit, fine.context, model.likelihood
-    sized = [
-        (effect, k, where.start + k) for effect, where in fit.layout.effect_slices() for k in _sizes(effect)
-    ]
+    fit, like, signals = model.fit, model.likelihood, fine.context.two_band.narrow.signals
+    sized = [(e, k, where.start + k) for e, where in fit.layout.effect_slices() for k in _sizes(e)]
     if not sized:
         return None
-    z, projection = fit.point.z, context.projection(fit)
-    time = _time_within_groups(context)
-    found: list[tuple[float, ChangingSize]] = []
+    z, projection = fit.point.z, fine.context.projection(fit)
+    group, time = signals.group, np.zeros(signals.count)
+    for k in np.unique(group):
+        time[group == k] = _standardised(signals.time[group == k])
+    best, found = 0.0, None
     for effect, k, column in sized:
         for along in ALONG if effect.joint is not None else ALONG[:1]:
             variable = time if along == "time" else _standardised(fit.point.torque[:, effect.joint])
             signature = (z[:, :, column] * variable[:, None]).reshape(-1, 1)
-            change, gain = explained(*projection.normal(signature))
+            (half,), gain = explained(*projection.normal(signature))
             slowest = like.times.max() if effect.joint is None else like.times[effect.joint]
-            nats = 0.5 * gain / slowest - 2 * np.log(2 * len(sized)) - 0.5 * np.log(like.samples)
-            relative = abs(change[0]) / max(abs(fit.x[column]), 1e-300)
-            if nats < CERTAIN or relative <= THRESHOLDS.evidence.changing_share:
+            cost = chance(2 * len(sized)) + 0.5 * float(np.log(like.samples)) + fine.trace(model, [effect])
+            nats = 0.5 * gain / slowest - cost
+            clear = Gain(nats, float(np.sqrt(gain / slowest)), np.zeros(0), np.zeros(0)).clear
+            if nats < best or not clear or abs(half) <= LIMITS.changing_share * abs(fit.x[column]):
                 continue
-            middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
+            middle = fit.x[column] - projection.share(signature)[column, 0] * half
             spec = EFFECTS[effect.effect].parameters[k]
-            start, end = np.clip(middle + change[0] * np.array([-1.0, 1.0]), spec.lower, spec.upper)
+            start, end = np.clip(middle + half * np.array([-1.0, 1.0]), spec.lower, spec.upper)
             named = (effect.effect, fit.layout.joint_name(effect), effect.group, effect.payload)
             if start != end:
-                found.append((nats, ChangingSize(named, spec, along, float(start), float(end))))
-    return max(found, key=lambda one: one[0], default=(0.0, None))[1]
+                best, found = nats, ChangingSize(named, spec, along, float(start), float(end))
+    return found
 
 
 def _sizes(effect: ChosenEffect) -> tuple[int, ...]:
@@ -100,20 +98,5 @@ def _sizes(effect: ChosenEffect) -> tuple[int, ...]:
 
 
 def _standardised(values: Array) -> Array:
-    """Values from −1 at their 5 % quantile to 1 at the 95 % one."""
-    low, high = np.quantile(values, RANGE)
-    return (2 * values - low - high) / max(float(high - low), 1e-300)
-
-
-def _time_within_groups(context: FitContext) -> Array:
-    """Time of each sample, shape (N,), from −1 to 1 within each group."""
-    signals = context.two_band.narrow.signals
-    out = np.zeros(signals.count)
-    for k in range(len(signals.groups)):
-        blocks = [block.rows for block in signals.blocks if block.group == k]
-        if not blocks:
-            continue  # a group too short for any sample
-        time = np.concatenate([signals.time[rows] for rows in blocks])
-        for rows in blocks:
-            out[rows] = 2 * (signals.time[rows] - time.min()) / max(float(np.ptp(time)), 1e-300) - 1
-    return out
+    """Values from about −1 to 1."""
+    return (values - values.mean()) / max(THRESHOLDS.criterion.deviations * float(values.std()), 1e-300)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.arrays import Array
 from flexviz.errors import InputError
@@ -46,6 +47,11 @@ class Signals:
     def count(self) -> int:
         """Number of samples N."""
         return len(self.time)
+
+    @property
+    def group(self) -> NDArray[np.int64]:
+        """Index of each sample's group, shape (N,)."""
+        return np.concatenate([np.full(b.rows.stop - b.rows.start, b.group) for b in self.blocks])
 
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""

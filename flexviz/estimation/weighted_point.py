@@ -116,25 +116,12 @@ class Point:
         """`noise_objective` plus the cost of nuisance pulses."""
         return self.noise_objective + sum(m.log_determinant for m in self.weightings)
 
-    def within(self, window: Bools) -> Point:
-        """The point restricted to the samples of a window, shape (N,)."""
-        part = replace(self, r=self.r * window[:, None], used=self.used & window, transients=0.0)
-        part._instruments.get(lambda: self.z * window[:, None, None])
-        return part
-
     def score(self) -> Array:
         """Zᵀ W r − b, shape (P,), of zero mean for a correct model."""
         score: Array = self.z.reshape(-1, len(self.x)).T @ self.r.ravel()
         for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
             score -= np.count_nonzero(self.used[rows]) * mean
         return score
-
-    def sample_scores(self) -> Array:
-        """Contribution of each sample to the score, shape (N, P)."""
-        each = np.einsum("tjp,tj->tp", self.z, self.r)
-        for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
-            each[rows] -= self.used[rows, None] * mean
-        return each
 
     def _corrected_bias(self) -> list[Array]:
         """b per sample, shape (P,), one per block.
@@ -198,7 +185,6 @@ class Whitening:
         judging: only the residual is needed, neither instruments nor their bias.
         adapted: a white model error follows the residual from point to point, once the noise does not explain
             it: the noise alone would give misleading weights.
-        window: shape (N,), samples to use; default: all.
     """
 
     def __init__(
@@ -208,10 +194,8 @@ class Whitening:
         *,
         judging: bool = False,
         adapted: bool = False,
-        window: Bools | None = None,
     ) -> None:
         self.two_band, self._judging, self._adapted = two_band, judging, adapted
-        self._window = window
         self._whiteners = None if near is None else near.whiteners
         self._noise_at = np.zeros(0) if near is None else near.noise_at
         self._effects_at, self._far = np.zeros(0), False
@@ -246,8 +230,7 @@ class Whitening:
             self._bias = self._instrument_bias(here, self._whiteners)
         if self._weightings is None:
             self._weightings = two_band.weightings(here, self._whiteners)
-        point = weighted_point(two_band, here, self._weightings, self._bias, self._noise_at)
-        return point if self._window is None else point.within(self._window)
+        return weighted_point(two_band, here, self._weightings, self._bias, self._noise_at)
 
     def _renew(self, here: BandEvaluation) -> None:
         """Discard the parts of the weighting that are outdated at this evaluation."""

@@ -150,9 +150,10 @@ class GuardEntry(ResultEntry):
     @model_validator(mode="before")
     @classmethod
     def _by_joint(cls, data: Any) -> Any:
-        if not hasattr(data, "change_noise"):  # of a file
+        if not hasattr(data, "observer_error"):  # of a file
             return data
-        columns = (data.rms.T, data.change.T, data.change_noise.T, data.observer_error.tolist())
+        noise = np.zeros_like(data.change.T)  # of `change`: below `band`, all bands are flat
+        columns = (data.rms.T, data.change.T, noise, data.observer_error.tolist())
         rows = zip(data.joints, *columns, strict=True)  # the fields of a GuardJointEntry
         return {
             "observer": data.observer,

@@ -142,7 +142,7 @@ def _residuals(found: BandwidthCheck) -> blocks.ReportTable:
                 joint,
                 number(found.rms[found.in_use, j], 3),
                 number(np.nanmax(found.change[:, j]), 3),
-                number(max(np.nanmax(found.change_noise[:, j]), found.noise_floor[j]), 3),
+                number(found.noise_floor[j], 3),
                 blocks.Cell("part is observer error" if moves else "holds", strong=moves),
             ]
         )
