@@ -182,11 +182,12 @@ def test_stretches_are_about_half_a_second(demo: MeasurementSet) -> None:
 
 def test_confidence_follows_what_a_finding_gains() -> None:
     one = Gain(100.0, 5.0, np.zeros(1), np.zeros(1))
-    sure = confidence(one, doubtful=False)
-    assert confidence(replace(one, delta=20.0), False) < sure > 0.95
-    assert confidence(replace(one, error=45.0), False) < sure
-    assert 0.85 < confidence(one, doubtful=True) < sure  # a model error may be imitated
-    assert confidence(
-        replace(one, delta=LIMITS.deviations * 5.0 + LIMITS.temperature), False
-    ) == pytest.approx(0.73, abs=0.01)
-    assert confidence(replace(one, delta=-1e6), False) < 1e-9
+    sure = confidence(one, 0.0)
+    assert confidence(replace(one, delta=20.0), 0.0) < sure > 0.95
+    assert confidence(replace(one, error=45.0), 0.0) < sure
+    assert 0.85 < confidence(one, 100.0) < sure  # what gains as much beside it may be imitated ...
+    assert confidence(one, 1000.0) < 0.6  # ... and what gains much more, probably
+    assert confidence(replace(one, delta=LIMITS.deviations * 5.0 + LIMITS.temperature), 0.0) == pytest.approx(
+        0.73, abs=0.01
+    )
+    assert confidence(replace(one, delta=-1e6), 0.0) < 1e-9

@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.candidates import without_curves
@@ -158,7 +157,3 @@ class Course:
         plain = without_curves(coarse.fit)
         whole = at_noise and plain.layout == coarse.layout
         return SearchEnd(coarse, self.fine.fit(plain.layout, plain.x, STEPS if whole else 0), at_noise)
-
-    def doubtful(self, end: SearchEnd) -> NDArray[np.bool_]:
-        """Joints with a model error that an effect may imitate, shape (n,)."""
-        return self.view.significant(end.coarse) & (not end.at_noise)

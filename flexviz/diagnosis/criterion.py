@@ -230,12 +230,12 @@ def half_seconds(blocks: Sequence[Block]) -> list[slice]:
     return out
 
 
-def confidence(found: Gain, doubtful: bool) -> float:
+def confidence(found: Gain, left: float) -> float:
     """Probability that an effect is the right one, or tied with it, against "none of these".
 
-    The odds of "none of these" fall with what the effect gains beyond its cost; where a model error is left
-    on its joint, it may imitate a part of that.
+    The odds of "none of these" fall with what the effect gains beyond its cost; what no effect of the library
+    describes on its joint, `left` [nats], may imitate it, the more likely the more it is.
     """
     sure = (found.delta - LIMITS.deviations * found.error) / LIMITS.temperature
     none = float(np.exp(-np.clip(sure, -30.0, 30.0)))
-    return 1 / (1 + none + (LIMITS.doubt if doubtful else LEAST_DOUBT))
+    return 1 / (1 + none + max(LEAST_DOUBT, LIMITS.doubt * left / max(found.delta, 1e-9)))

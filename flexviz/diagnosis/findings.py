@@ -70,21 +70,23 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
     """One finding per added effect, in the order of the staircase."""
     view, n, last, found = course.view, course.own.n, stairs[-1], list[Finding]()
     gains = course.fine.gains(end.fine) if end.at_noise else view.gains(end.coarse)
-    doubtful = course.doubtful(end)
+    left = np.zeros(n) if end.at_noise else view.above_by_joint(end.coarse) * view.significant(end.coarse)
+    for curve in end.curves:
+        left[curve.place.own_joint] += max(gains[curve].delta, 0.0)
     shares = step_shares([stair.errors for stair in stairs], course.measurements.torque_spread)[1:]
     for (before, after), share in zip(pairwise(stairs), shares, strict=True):
         effect = after.added
         assert effect is not None
         need = gains.get(effect, Gain(0.0, 1.0, np.zeros(n), np.ones(n)))
-        unsure = bool(doubtful.any() if effect.joint is None else doubtful[effect.joint])
+        beside = float(left.max() if effect.joint is None else left[effect.joint])
         tied = tuple(ties(view, end.coarse, effect, rivals(course.trace, effect)))
-        sure = 0.0 if is_curve(effect) else confidence(need, unsure)
+        sure = 0.0 if is_curve(effect) else confidence(need, beside)
         family = family_in(effect.effect, tied, sure)
         several = len(family.members) if family is not None and family.tied else 1
         found.append(replace(
             finding(effect, before, after, last, course.band), confidence=sure / several, family=family,
             inseparable_from=tied, gain=float(need.delta), absorbed=absorbed(before, after), share=share,
-            features=(float(need.delta), float(need.error), float(unsure)),
+            features=(float(need.delta), float(need.error), beside),
         ))  # fmt: skip
     return found
 

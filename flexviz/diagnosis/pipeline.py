@@ -111,8 +111,10 @@ class _Description:
         course, end, final = self.course, self.end, self.final()
         course.tell(stages.STAIRS)
         stairs = staircase(course, end, final)
-        complete = course.fine.complete(end.fine) if end.at_noise else not course.doubtful(end).any()
-        complete = complete and not end.curves and end.changing is None
+        left = (
+            not course.fine.complete(end.fine) if end.at_noise else course.view.significant(end.coarse).any()
+        )
+        complete = not (left or end.curves or end.changing)
         last: Verdict = "nothing-missing" if complete else "unknown"
         found = findings(course, end, stairs)
         taken = steps(stairs, found, last)
