@@ -72,7 +72,6 @@ def test_a_drop_with_another_effect_at_its_bound_agrees_with_a_fit(tmp_path: Pat
         assert found[COULOMB[1]].delta == pytest.approx(expected, rel=0.1)
 
 
-@not_yet
 def test_an_effect_is_not_dropped_for_a_tenth_of_a_nat_in_held_out_groups(demo: MeasurementSet) -> None:
     """Coulomb friction beside a free curve gains 1300 nats; held-out groups lose 0.15 ± 0.07."""
     own = Layout(demo.joints)
@@ -133,7 +132,6 @@ def test_a_law_that_a_curve_describes_alone_has_no_effect_beside_it(tmp_path: Pa
     ],
     ids=["spring", "hardening", "backlash"],
 )
-@not_yet
 def test_what_is_hidden_on_one_joint_is_found(hidden: dict[str, str], tmp_path: Path) -> None:
     texts = [f"{place}:{values}" for place, values in hidden.items()]
     seed = 5 if len(hidden) == 2 and "cable_spring:joint2" in hidden else 7
