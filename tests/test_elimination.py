@@ -287,7 +287,7 @@ def test_drops_and_scores_near_the_noise_agree_with_fits(fine: Fine) -> None:
         base = fine.fit(smaller, smaller.vector(layout.model(whole.fit.x)), near=whole.fit)
         refitted = gain(base.likelihood, whole.likelihood, fine.tried)
         assert drops[effect].delta == pytest.approx(refitted.delta, rel=0.05, abs=1.0), effect
-        assert drops[effect].error == pytest.approx(refitted.error, rel=0.1), effect
+        assert drops[effect].error == pytest.approx(refitted.error, rel=0.15), effect
         (score,) = fine.scores(base.fit, [effect], episodes=False)
         start = with_effects(Known(smaller, base.fit.x), {effect: score.values})
         larger = fine.fit(start.layout, start.x, near=base.fit).fit

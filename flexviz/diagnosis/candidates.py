@@ -168,6 +168,5 @@ def credible(fit: Judged, effect: ChosenEffect, raw_step: float, values: Array |
     values = fit.x[layout.effect_slice(effect)] if values is None else values
     viscous = float(fit.x[layout.motor_viscous][joint] + fit.x[layout.link_viscous][joint])
     top_speed = float(np.max(np.abs(fit.velocity[:, joint])))
-    names = frozenset(e.effect for e in layout.effects)
-    evidence = EffectEvidence(fit.torque[:, joint], raw_step, names, viscous, top_speed)
+    evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed)
     return EFFECTS[effect.effect].credible(values, evidence)

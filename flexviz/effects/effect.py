@@ -30,14 +30,12 @@ class EffectEvidence:
     Attributes:
         torque: shape (N,), transmission torque of the effect's joint [Nm].
         record_step: sampling interval of the recordings [s].
-        effects: names of all effects in the model.
         viscous: viscous friction of the effect's joint, motor and link side together [Nm s/rad].
         top_speed: largest velocity of the effect's joint in either direction [rad/s].
     """
 
     torque: Array
     record_step: float
-    effects: frozenset[str] = frozenset()
     viscous: float = np.inf
     top_speed: float = np.inf
 
