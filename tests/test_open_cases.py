@@ -116,7 +116,6 @@ def test_a_growing_friction_is_said_to_grow(demo: MeasurementSet) -> None:
     assert [note.kind for note in result.notes][:1] == ["changing"]
 
 
-@not_yet
 def test_a_law_that_a_curve_describes_alone_has_no_effect_beside_it(tmp_path: Path) -> None:
     """Friction in a part of the range is no Coulomb friction of its mean, stated at 93 %."""
     result = diagnose(set_with(lambda _: Rough(), 1, tmp_path / "set")[0], apply=True)

@@ -25,6 +25,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.estimation import (
+    MAX_ITERATIONS,
     WIDE_HERTZ,
     Bounds,
     Covariance,
@@ -36,7 +37,6 @@ from flexviz.estimation import (
     solve,
     start_values,
 )
-from flexviz.estimation.instrumental_variables import MAX_ITERATIONS
 from flexviz.identification import Combination, ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import FlatZeroPhase

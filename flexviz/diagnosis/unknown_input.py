@@ -21,8 +21,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.varying_size import ChangingSize
 from flexviz.diagnosis.vibration import vibration
 from flexviz.equation import Layout
-from flexviz.estimation import ESTIMATION, SIDES, Covariance, Side, UnknownInput
-from flexviz.estimation.instrumental_variables import MAX_ITERATIONS
+from flexviz.estimation import ESTIMATION, MAX_ITERATIONS, SIDES, Covariance, Side, UnknownInput
 from flexviz.identification import parameter_estimates
 from flexviz.parallel import shared
 from flexviz.results import Note

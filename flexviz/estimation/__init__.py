@@ -3,7 +3,7 @@
 from flexviz.estimation.base_inertials import BaseParameters, base_parameters
 from flexviz.estimation.covariance import Covariance, sandwich, score_covariance, spectral_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
-from flexviz.estimation.instrumental_variables import Solved, refine, solve
+from flexviz.estimation.instrumental_variables import MAX_ITERATIONS, Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
 from flexviz.estimation.linear_algebra import Bounds, bounded_step, least_norm_solve, scaled_inverse
 from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
