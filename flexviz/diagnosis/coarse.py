@@ -242,8 +242,8 @@ class Coarse(Resolution[MotionFit]):
 
     def beside_curve(self, model: CoarseModel, joint: int) -> CoarseModel:
         """The model with the free curve of a joint that explains most, and what is needed beside it."""
-        curve, promised = best_curve(model.fit, joint, model.likelihood.times[joint])
-        if promised < self.least():
+        curve, promised = best_curve(model.fit, joint)
+        if 0.5 * promised / model.likelihood.times[joint] < self.least():
             return model
         self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
         layout = Layout(model.layout.joints, (*model.layout.effects, curve))

@@ -7,15 +7,16 @@ its law is not known.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from flexviz.diagnosis.motion_fit import MotionFit
-from flexviz.effects import CURVES, EFFECTS, ChosenEffect, free_curve
-from flexviz.effects.free_curve import STAND_INS
+from flexviz.effects import EFFECTS, ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.parallel import shared
+
+TWICE_AS_RICH = 1.5  # times the gain of one curve, for one per direction
+ONE_WAY = ("free_curve_friction", "free_curve_position")
+EACH_WAY = ("free_curve_direction", "free_curve_velocity")  # with twice as many nodes
 
 
 def is_curve(effect: ChosenEffect) -> bool:
@@ -23,21 +24,24 @@ def is_curve(effect: ChosenEffect) -> bool:
     return free_curve(effect.effect) is not None
 
 
-def best_curve(fit: MotionFit, joint: int, time: float) -> tuple[ChosenEffect, float]:
-    """The free curve of a joint's motion that explains most beside a model, and its gain [nats].
+def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
+    """The free curve of a joint, on motor or link, that explains most beside a model, and its gain.
 
-    `time`: samples per independent one of the joint's residual.
+    One of a single branch, unless one for each direction of motion explains clearly more.
     """
-    motion = [curve.name for curve in (*STAND_INS, *CURVES) if curve.variable in ("position", "velocity")]
-    curves = [ChosenEffect(name, joint) for name in motion]
+    names = [
+        name.replace("curve", side) for name in (*ONE_WAY, *EACH_WAY) for side in ("curve", "link_curve")
+    ]
+    curves = [ChosenEffect(name, joint) for name in names]
     _ = fit.projection  # for all cores
-    gains = [0.5 * gain / time - cost for gain, cost in shared(partial(curve_gain, fit), curves)]
-    best = int(np.argmax(gains))
+    gains = list(shared(lambda curve: curve_gain(fit, curve), curves))
+    plain, rich = (max(part, key=gains.__getitem__) for part in np.split(np.arange(len(curves)), 2))
+    best = rich if gains[rich] > TWICE_AS_RICH * gains[plain] else plain
     return curves[best], gains[best]
 
 
-def curve_gain(fit: MotionFit, curve: ChosenEffect) -> tuple[float, float]:
-    """Decrease of the weighted sum of squares by a curve under its prior, and ½ log det(1 + C G) [nats]."""
+def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:
+    """Decrease of the weighted sum of squares by a curve under its prior, beside the model's parameters."""
     layout = Layout(fit.layout.joints, (*fit.layout.effects, curve))
     where, start = layout.effect_slice(curve), fit.context.start(layout)
     terms = EFFECTS[curve.effect].terms(fit.point.context, curve.place, start.x[where])
@@ -46,5 +50,4 @@ def curve_gain(fit: MotionFit, curve: ChosenEffect) -> tuple[float, float]:
     weighted = np.stack(columns, axis=2) * fit.weights[:, :, None]
     gram, along = fit.projection.normal(weighted.reshape(-1, weighted.shape[2]))
     prior = start.prior.gradient_and_hessian(start.x)[1][where, where][np.ix_(free, free)]
-    cost = 0.5 * float(np.linalg.slogdet(prior + gram)[1] - np.linalg.slogdet(prior)[1])
-    return float(along @ np.linalg.solve(gram + prior, along)), cost
+    return float(along @ np.linalg.solve(gram + prior, along))
