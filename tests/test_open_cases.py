@@ -125,7 +125,9 @@ def test_a_law_that_a_curve_describes_alone_has_no_effect_beside_it(tmp_path: Pa
 @pytest.mark.parametrize(
     "hidden",
     [
-        {"cable_spring:joint2": "stiffness=9,rest_angle=0.6", BY_LOAD: "coefficient=0.1"},
+        pytest.param(
+            {"cable_spring:joint2": "stiffness=9,rest_angle=0.6", BY_LOAD: "coefficient=0.1"}, marks=not_yet
+        ),
         {"stiffness_hardening:joint2": "cubic_stiffness=3e6", BY_LOAD: "coefficient=0.01"},
         {"backlash:joint2": "half_width=0.004"},
     ],
