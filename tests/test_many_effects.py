@@ -106,11 +106,10 @@ def test_gain_of_a_free_curve_against_least_squares(context, plain):
         return float(right[rows] @ np.linalg.solve(matrix, right[rows]))
 
     expected = decrease(slice(None)) - decrease(slice(0, nodes.start))
-    assert curve_gain(plain, curve)[0] == pytest.approx(expected, rel=1e-3)
+    assert curve_gain(plain, curve) == pytest.approx(expected, rel=1e-3)
     assert expected > 0.3 * len(plain.weights)
-    best, gain = best_curve(plain, 1, 2.0)  # Coulomb friction is the same at every position and speed
-    assert best.effect in ("free_curve_friction", "free_link_curve_friction", "free_curve_velocity")
-    assert gain > 0.2 * expected
+    best, gain = best_curve(plain, 1)  # Coulomb friction is the same at every position
+    assert best.effect in ("free_curve_friction", "free_link_curve_friction") and gain > 0.99 * expected
 
 
 def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):
