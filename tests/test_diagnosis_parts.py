@@ -26,6 +26,7 @@ from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whiten
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.observers import FlatZeroPhase
+from tests.covariances import dense_covariance
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 
@@ -69,12 +70,7 @@ def test_a_cheaper_whitener_still_gives_unit_variance(every: int, ridge: float) 
     sensitivity = rng.standard_normal((3, 1, n, n)) * (1 + 0.3 * slow)
     lagged = lagged_covariance(sensitivity, kernel, np.array([1.0, 2.0]))
     lagged[0] += 1e-3 * np.eye(n) * np.trace(lagged[0].mean(axis=0))
-    dense = np.zeros((count, n, count, n))
-    for t in range(count):
-        for k in range(t + 1):
-            dense[t, :, t - k] = lagged[k, t]
-            dense[t - k, :, t] = lagged[k, t].T
-    matrix = dense.reshape(count * n, count * n)
+    matrix = dense_covariance(lagged)
     tool = whitener(lagged[: order + 1], every, ridge)
     white = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
     np.testing.assert_allclose(np.diag(white @ matrix @ white.T), 1.0, atol=0.02)

@@ -22,6 +22,7 @@ from flexviz.observers import FlatZeroPhase
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 from flexviz.simulation import simulate_preset
+from tests.covariances import dense_covariance
 from tests.planar_arm import planar_set
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
@@ -279,12 +280,7 @@ def test_whitening_inverts_the_covariance():
     sensitivity = rng.standard_normal((3, 1, n, n)) + 0.3 * rng.standard_normal((3, count, n, n))
     lagged = lagged_covariance(sensitivity, kernel, np.array([1.0, 2.0]))
     lagged[0] += 1e-3 * np.eye(n) * np.trace(lagged[0].mean(axis=0))
-    dense = np.zeros((count, n, count, n))
-    for t in range(count):
-        for k in range(t + 1):
-            dense[t, :, t - k] = lagged[k, t]
-            dense[t - k, :, t] = lagged[k, t].T
-    matrix = dense.reshape(count * n, count * n)
+    matrix = dense_covariance(lagged)
     tool = whitener(lagged)
     white = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
     np.testing.assert_allclose(white @ matrix @ white.T, np.eye(count * n), atol=1e-6)

@@ -41,8 +41,7 @@ class Coarse(Resolution[MotionFit]):
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
-        noise = np.maximum(context.noise_floor, LIMITS.tolerance * context.spread)
-        self.floor = (1 + LIMITS.noise_known) * noise
+        self.noise = np.maximum(context.noise_floor, LIMITS.tolerance * context.spread)
 
     # -- fits
 
@@ -214,8 +213,10 @@ class Coarse(Resolution[MotionFit]):
         ]
         joints = [s.effect.place.own_joint for s in kept]
         context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
+        if not kept:
+            return model
         start = with_candidates(there.fit, kept)
-        return self.fit(start.layout, start.x) if kept else model
+        return self.fit(start.layout, start.x)
 
     def gain_in_start(self, before: CoarseModel, after: CoarseModel, joint: int) -> Gain:
         """What a larger model gains in the first movements of a joint, in units of what is left in motion."""

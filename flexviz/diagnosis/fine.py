@@ -20,7 +20,7 @@ from flexviz.diagnosis.criterion import Likelihood, Residuals, half_seconds, lik
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import STEPS, Fit, FitContext
 from flexviz.diagnosis.prediction_errors import Known
-from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring
+from flexviz.diagnosis.resolution import EFFORT, Model, Resolution, Scoring
 from flexviz.diagnosis.search import Candidate
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Layout
@@ -41,7 +41,7 @@ class Fine(Resolution[Fit]):
 
     def __init__(self, context: FitContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=False)
-        self.context, self.floor = context, np.full(own.n, 1 + LIMITS.noise_known)
+        self.context, self.noise = context, np.ones(own.n)
 
     # -- fits
 

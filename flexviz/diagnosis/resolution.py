@@ -65,11 +65,11 @@ class Resolution(ABC, Generic[AnyFit]):
         decoys: whether candidates that cannot be right compete (`flexviz.effects.DECOYS`).
         reference: likelihood of the model from which the search begins.
         explained: shape (n,), what that explains [nats].
-        floor: shape (n,), largest standard deviation of each joint's residual that noise may explain.
+        noise: shape (n,), standard deviation of each joint's residual that noise explains.
     """
 
     name: ClassVar[str]
-    floor: Array
+    noise: Array
     decoys: bool = False
     reference: Likelihood | None = None
     explained: Array | float = 0.0
@@ -80,6 +80,11 @@ class Resolution(ABC, Generic[AnyFit]):
         self.measurements, self.own, self.say, self.many = measurements, own, say, many
         self.raw_step = max(s.step for g in measurements.groups for s in g.segments)
         self.tried = len(candidates(own, measurements.groups, many)) + own.n * len(measurements.groups)
+
+    @property
+    def floor(self) -> Array:
+        """The largest standard deviation that noise may explain, shape (n,): `noise` is roughly known."""
+        return (1 + LIMITS.noise_known) * self.noise
 
     def wanted(self, layout: Layout) -> list[ChosenEffect]:
         """The effects that a model lacks, and the decoys if they compete."""
@@ -170,8 +175,7 @@ class Resolution(ABC, Generic[AnyFit]):
         """The part of each joint, shape (n,) [nats]."""
         like = model.likelihood
         count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
-        noise = self.floor / (1 + LIMITS.noise_known)
-        return np.asarray(count * np.log(np.maximum(like.deviation / noise, 1.0)) / like.times)
+        return np.asarray(count * np.log(np.maximum(like.deviation / self.noise, 1.0)) / like.times)
 
     def loud(self, model: Model[AnyFit]) -> NDArray[np.bool_]:
         """Joints that leave enough above the noise for an effect there, shape (n,)."""
@@ -183,9 +187,10 @@ class Resolution(ABC, Generic[AnyFit]):
 
     def candidates(self, model: Model[AnyFit]) -> list[Candidate]:
         """What may be added, each with what it promises at most."""
-        if self.at_noise(model):
+        above = self.above_by_joint(model)
+        if above.sum() < self.least():
             return []
-        fit, like, loud = model.fit, model.likelihood, self.loud(model)
+        fit, like, loud = model.fit, model.likelihood, above > self.least()
         wanted = [e for e in self.wanted(fit.layout) if e.joint is None or loud[e.joint]]
         found = self.scores(fit, wanted)
         out = []

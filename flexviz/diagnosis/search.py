@@ -122,13 +122,14 @@ class Search(Generic[Model]):
         self._refused = dict[Hashable, float]()  # candidates, and what they promised
         self._swapped = set[frozenset[Hashable]]()  # models of which no part is exchanged ...
         self._alone = set[frozenset[Hashable]]()  # ... and beside which no unknown input is accepted
+        self._scored: tuple[Model, list[Candidate]] | None = None  # the last model that was scored
 
     def run(self, model: Model, inner: bool = False) -> Model:
         """The model from which no move is accepted; `inner`: no unknown input is added."""
         model, idle = self.problem.pruned(model), 0
         self.made(model)
-        scored = self.problem.candidates(model)
         for _ in range(LIMITS.rounds):
+            scored = self.candidates(model)
             worth = [c for c in scored if self.worth(c)]
             found, chosen = None, best_of_each_place(c for c in worth if not c.last)
             if not chosen or idle >= LIMITS.idle:
@@ -142,8 +143,13 @@ class Search(Generic[Model]):
             if found is not None:
                 model = found
                 self.made(model)
-                scored = self.problem.candidates(model)
         return self.problem.pruned(model)
+
+    def candidates(self, model: Model) -> list[Candidate]:
+        """What may be added to a model, which is scored once."""
+        if self._scored is None or self._scored[0] is not model:
+            self._scored = model, self.problem.candidates(model)
+        return self._scored[1]
 
     def worth(self, candidate: Candidate) -> bool:
         """Whether to try a candidate: not one that was refused, unless it promises much more by now."""

@@ -30,6 +30,7 @@ class Standing:
     def __init__(self, own: Layout, band: PredictionErrorBand) -> None:
         self.own, self.band = own, band
         self._own_fit: Known | None = None
+        self._own_share: dict[bytes, float] = {}  # its error of the torque, by which samples count
         self._best = np.inf  # its share of the torque
 
     def news(self, fit: Fitted, first_phase: Phases | None = None) -> BestSoFar | None:
@@ -48,7 +49,11 @@ class Standing:
         if share >= self._best:
             return None
         self._best = share
-        before = mean_nrms(self.band.errors(self._own_fit, first_phase).stated, spread)
+        counted = b"" if first_phase is None else first_phase.tobytes()
+        if counted not in self._own_share:
+            own = self.band.errors(self._own_fit, first_phase).stated
+            self._own_share[counted] = mean_nrms(own, spread)
+        before = self._own_share[counted]
         names = text_names([effect.text(self.own.joints) for effect in added], self.own.joints)
         more = len(names) - MOST_NAMED
         model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from flexviz.wording.findings import effect_text_name, where_text
 from flexviz.wording.merging import Families, text_names
 from flexviz.wording.numbers import listed, plural, with_error
+from flexviz.wording.records import MoveLike
 
 MOVES = {
     "add": "{added}{not_} added",
@@ -19,27 +19,6 @@ MOVES = {
 }  # kind of move -> in words
 OTHER = "{kind} of {both}{not_} made"
 TRACE_TITLE = "Why these effects: what was tried"
-
-
-class MoveLike(Protocol):
-    """A move of a search, as tried."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def added(self) -> Sequence[str]: ...
-    @property
-    def removed(self) -> Sequence[str]: ...
-    @property
-    def delta(self) -> float | None: ...
-    @property
-    def error(self) -> float | None: ...
-    @property
-    def accepted(self) -> bool: ...
-    @property
-    def resolution(self) -> str: ...
-    @property
-    def why(self) -> str: ...
 
 
 @dataclass(frozen=True)
