@@ -243,7 +243,11 @@ def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, data: st.
         single=single,
         date=date,
     )
-    measurements = read_set(folder)
+    try:
+        measurements = read_set(folder)
+    except InputError as error:  # drawn torques that resemble those of the payload in another unit
+        assume("the torque of the rigid model" not in str(error))
+        raise
     assert measurements.date == overview(folder).date == date
     assert overview(folder).files == measurements.files_read
     (group,) = measurements.groups

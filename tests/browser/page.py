@@ -260,6 +260,11 @@ OVERLAPPING = """() => {
     return found;
 }"""
 
+MIDDLES = """found => found.map(e => {
+    const r = e.getBoundingClientRect();
+    return [(r.left + r.right) / 2, (r.top + r.bottom) / 2];
+})"""
+
 
 def overlapping(page: Any) -> list[str]:
     """Pairs of controls or texts that lie over one another."""
@@ -280,8 +285,9 @@ def leave_the_plots(page: Any) -> None:
     over = page.locator(".uplot-container > .mantine-ActionIcon-root")
 
     def left() -> bool:
-        for button in over.all():
-            button.hover()
+        # a button may go while it is looked at: where it was is all that is needed
+        for x, y in over.evaluate_all(MIDDLES):
+            page.mouse.move(x, y)
         page.mouse.move(660, 60)
         return over.count() == 0
 
