@@ -42,6 +42,7 @@ class Coarse(Resolution[MotionFit]):
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
         self.noise = np.maximum(context.noise_floor, LIMITS.tolerance * context.spread)
+        self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
 
     # -- fits
 
@@ -187,6 +188,9 @@ class Coarse(Resolution[MotionFit]):
         )
         return self.fit(layout, best.fit.x) if best.fit.objective < fit.objective else best
 
+    def gains(self, model: CoarseModel) -> dict[ChosenEffect, Gain]:
+        return super().gains(model) | self.in_start
+
     def with_first_movements(self, model: CoarseModel) -> CoarseModel:
         """The model with effects of the first movement after a standstill, which then counts.
 
@@ -205,12 +209,11 @@ class Coarse(Resolution[MotionFit]):
         scored = self.scores(there.fit, starts, episodes=False)
         start = with_candidates(there.fit, scored)
         larger = self.fit(start.layout, start.x)
-        gains = [self.gain_in_start(there, larger, s.effect.place.own_joint) for s in scored]
+        gains = {s.effect: self.gain_in_start(there, larger, s.effect.place.own_joint) for s in scored}
         kept = [
-            s
-            for s, found in zip(scored, gains, strict=True)
-            if found.accepted and credible(larger.fit, s.effect, self.raw_step)
+            s for s in scored if gains[s.effect].accepted and credible(larger.fit, s.effect, self.raw_step)
         ]
+        self.in_start = {s.effect: gains[s.effect] for s in kept}
         joints = [s.effect.place.own_joint for s in kept]
         context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
         if not kept:
