@@ -72,6 +72,7 @@ def eliminate(
     firm: Callable[[Layout], Collection[ChosenEffect]],
     impossible: Collection[ChosenEffect],
     tried: int,
+    trace: Callable[[ChosenEffect], float] = lambda effect: 0.0,
 ) -> Elimination:
     """Drop, one by one, the effects that a model does not need: the impossible ones, then the least needed.
 
@@ -80,6 +81,7 @@ def eliminate(
         firm: effects of a model that are not dropped, such as those of the set's own model.
         impossible: effects whose parameters could not be real.
         tried: number of candidates from which the effects were chosen.
+        trace: what approximate laws leave where an effect acts, which it has to exceed [nats].
     """
     left, dropped = dict(data.layout.effect_slices()), dict[ChosenEffect, Gain]()
     moved, now = np.zeros(len(data.x)), data
@@ -87,7 +89,7 @@ def eliminate(
     while True:
         covariance = _inverse(data.hessian, held)
         moves = {effect: _move(now, effect, where, covariance) for effect, where in left.items()}
-        found = _gains(now, moves, tried)
+        found = _gains(now, moves, tried, trace)
         stay = firm(Layout(data.layout.joints, tuple(left)))
         weak = [e for e, g in found.items() if e not in stay and (e in impossible or not g.accepted)]
         if not weak:
@@ -196,7 +198,12 @@ def _moved(data: Linearised, move: Array) -> Linearised:
     return replace(data, x=data.x + move, parts=parts, prior=prior, likelihood=found)
 
 
-def _gains(data: Linearised, moves: Mapping[ChosenEffect, Array], tried: int) -> dict[ChosenEffect, Gain]:
+def _gains(
+    data: Linearised,
+    moves: Mapping[ChosenEffect, Array],
+    tried: int,
+    trace: Callable[[ChosenEffect], float],
+) -> dict[ChosenEffect, Gain]:
     """What each effect gains beside the others, from the moves (P,) that leave it out."""
     together = np.stack(list(moves.values()), axis=1) if moves else np.zeros((len(data.x), 0))
     changes = [jacobian @ together for jacobian in data.jacobians]
@@ -212,5 +219,5 @@ def _gains(data: Linearised, moves: Mapping[ChosenEffect, Array], tried: int) ->
         freedom = before.freedom - len(law.parameters)
         other = before.other + float(costs[k])
         smaller = likelihood(parts, data.floor, other, freedom, data.outlier, before.times)
-        out[effect] = gain(smaller, before, tried)
+        out[effect] = gain(smaller, before, tried, trace(effect))
     return out

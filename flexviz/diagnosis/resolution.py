@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, credible, is_episode, without
 from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, chance, gain
-from flexviz.diagnosis.elimination import Linearised, eliminate
+from flexviz.diagnosis.elimination import Elimination, Linearised, eliminate
 from flexviz.diagnosis.fit_context import Judged
 from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -248,12 +248,23 @@ class Resolution(ABC, Generic[AnyFit]):
 
     def gains(self, model: Model[AnyFit]) -> dict[ChosenEffect, Gain]:
         """What each effect gains beside the others."""
-        return eliminate(self.linearised(model), lambda layout: layout.effects, (), self.tried).kept
+        return self.eliminated(model, lambda layout: layout.effects, ()).kept
+
+    def eliminated(
+        self,
+        model: Model[AnyFit],
+        firm: Callable[[Layout], Collection[ChosenEffect]],
+        impossible: Collection[ChosenEffect],
+    ) -> Elimination:
+        """The model without what it does not need: an effect stays only where it would be added."""
+        return eliminate(
+            self.linearised(model), firm, impossible, self.tried, lambda e: self.trace(model, {e})
+        )
 
     def pruned(self, model: Model[AnyFit]) -> Model[AnyFit]:
         """The model without the effects that it does not need."""
         for _ in range(EFFORT.rounds):
-            found = eliminate(self.linearised(model), self.firm, self.impossible(model.fit), self.tried)
+            found = self.eliminated(model, self.firm, self.impossible(model.fit))
             if not found.dropped:
                 return model
             smaller = without(model.layout, found.dropped)
