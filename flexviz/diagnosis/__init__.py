@@ -1,6 +1,6 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
-from flexviz.diagnosis.bandwidth_check import BandwidthCheck, check_bandwidth
+from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.curve_step import CurveDraft, draft_from_curve, why_no_curve, with_free_curve
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -11,6 +11,7 @@ from flexviz.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
 from flexviz.diagnosis.result import Diagnosis, EffectParameter, Evidence, Finding, Step
 from flexviz.results import (
     Absorbed,
+    BandwidthCheck,
     Family,
     FreeCurve,
     Move,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,64 +39,12 @@ from flexviz.estimation import (
 from flexviz.identification import Combination, ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import FlatZeroPhase
-from flexviz.results import ParameterCurve
+from flexviz.results import BandwidthCheck, ParameterCurve
 from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
 
 FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # bandwidths relative to the one in use
-
-
-@dataclass(frozen=True, eq=False)
-class BandwidthCheck:
-    """Dependence of residual and parameters on the observer's bandwidth.
-
-    Attributes:
-        bandwidths: shape (M,), ascending [rad/s].
-        in_use: index of the bandwidth in use.
-        rms: shape (M, n), residual below `band` after fitting at each bandwidth [Nm].
-        noise_floor: shape (n,), its part due to measurement noise [Nm].
-        change: shape (M, n), rms change of the residual relative to the bandwidth in use, at the parameters
-            found there [Nm]; noise changes nothing: below `band` [rad/s], all bands are flat.
-        observer_error: shape (n,), a wider band changes the residual by more than noise and by a share of it
-            that counts.
-        parameters: identifiable parameters.
-        seconds: wall time.
-    """
-
-    bandwidths: Array
-    in_use: int
-    joints: tuple[str, ...]
-    rms: Array
-    noise_floor: Array
-    change: Array
-    band: float
-    observer_error: NDArray[np.bool_]
-    parameters: tuple[ParameterCurve, ...]
-    seconds: float
-    observer: str = "two bands"
-
-    @property
-    def untrusted(self) -> tuple[ParameterCurve, ...]:
-        """Parameters that leave their interval, the largest change first."""
-        return tuple(sorted((p for p in self.parameters if not p.trusted), key=lambda p: -p.moved))
-
-    def texts(self) -> tuple[str, ...]:
-        """One sentence per joint with observer error and per untrusted parameter."""
-        low, high = self.bandwidths[0], self.bandwidths[-1]
-        joints = (
-            f"{self.joints[j]}: the residual changes by up to {self.change[:, j].max():.3g} Nm between "
-            f"bandwidths of {low:.3g} and {high:.3g} rad/s: part of it is observer error, not physics"
-            for j in np.flatnonzero(self.observer_error)
-        )
-        places = (", ".join(filter(None, (p.joint, p.place))) for p in self.untrusted)
-        parameters = (
-            f"{p.name}{place and f' ({place})'} changes with the bandwidth between "
-            f"{np.nanmin(p.values):.4g} and {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
-            "errors: not to be trusted"
-            for p, place in zip(self.untrusted, places, strict=True)
-        )
-        return (*joints, *parameters)
 
 
 class BandwidthFit(NamedTuple):

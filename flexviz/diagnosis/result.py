@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.bandwidth_check import BandwidthCheck
 from flexviz.effects import free_curve
 from flexviz.identification import ParameterEstimate
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.results import (
     Absorbed,
+    BandwidthCheck,
     CandidateEntry,
     Family,
     FreeCurve,

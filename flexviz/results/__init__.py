@@ -1,8 +1,9 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
 from flexviz.results.assessment import assessment, hints, lacks_effects
+from flexviz.results.bandwidth import BandwidthCheck, ParameterCurve
 from flexviz.results.base import Grade, Note, NoteKind, Verdict
-from flexviz.results.curves import FreeCurve, ParameterCurve, ResidualLocation, ResidualMap, curve_tables
+from flexviz.results.curves import FreeCurve, ResidualLocation, ResidualMap, curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
 from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ValueEntry
 from flexviz.results.findings import Absorbed, Family, Tie
@@ -14,6 +15,7 @@ from flexviz.results.trace import Move
 __all__ = [
     "WIDE",
     "Absorbed",
+    "BandwidthCheck",
     "CandidateEntry",
     "EffectEntry",
     "Family",

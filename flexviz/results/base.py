@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sized
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -91,7 +91,7 @@ class InJson:
 
     def write(self, value: Any) -> Any:
         """What JSON holds of it."""
-        return np.where(np.isfinite(value), value, None).tolist()
+        return np.where(np.isfinite(value), value, np.array(None)).tolist()
 
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -100,13 +100,14 @@ Real = Annotated[float, InJson(Number | None)]
 Column = Annotated[NDArray[np.float64], InJson(list[Number | None])]  # shape (M,)
 Rows = Annotated[NDArray[np.float64], InJson(list[list[Number | None]])]  # shape (S, M)
 Counts = Annotated[NDArray[np.int64], InJson(list[list[int]], np.int64)]  # shape (S, M)
+Flags = Annotated[NDArray[np.bool_], InJson(list[bool], np.bool_)]  # shape (M,)
 
 RECORD = ConfigDict(
     extra="ignore", defer_build=True, validate_by_name=True, validate_by_alias=True, serialize_by_alias=True
 )  # of a record, which is a pydantic dataclass
 
 
-def check_lengths(expected: int, what: str, **lists: Sequence[Any] | None) -> None:
+def check_lengths(expected: int, what: str, **lists: Sized | None) -> None:
     """Refuse lists of another length, naming the first; None is let through."""
     for name, values in lists.items():
         if values is not None and len(values) != expected:

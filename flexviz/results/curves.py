@@ -1,11 +1,11 @@
-"""What a plot shows: where a residual lies, its maps, free curves, the check over the bandwidth."""
+"""What a plot shows: where a residual lies, its maps, and free curves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
 from flexviz.effects import CURVES, FREE_CURVE_DIRECTIONS, CurveForm, curve_points, free_curve, simple_form
-from flexviz.results.base import RECORD, Column, Counts, Real, ResultEntry, Rows, TupleEntry, check_lengths
+from flexviz.results.base import RECORD, Column, Counts, Real, Rows, check_lengths
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import ParameterLike
 
@@ -179,63 +179,3 @@ def curve_tables(parameters: Iterable[ParameterLike]) -> list[CurveTable]:
         form = table.simple_form()
         out.append(replace(table, form=form.text) if form else table)
     return out
-
-
-class GuardJointEntry(TupleEntry):
-    """What moves with the bandwidth at one joint [Nm], one number per bandwidth."""
-
-    joint: str
-    rms: Column
-    change: Column
-    change_noise: Column
-    observer_error: bool
-
-
-@dataclass(frozen=True, eq=False, config=RECORD)
-class ParameterCurve:
-    """One parameter over the bandwidth.
-
-    Attributes:
-        name, joint, unit: as in the JSON contract; inertias as identifiable combinations, without a joint.
-        place: payload or group of the effect, if any.
-        values, std: shape (M,); NaN at a bound.
-        moved: largest distance of a narrower band's value from that in use, in standard errors of the latter.
-        trusted: it stays within its 95 % interval, or noise explains the difference of the two fits.
-    """
-
-    name: str
-    joint: str | None
-    unit: str
-    place: str | None
-    values: Column
-    std: Column
-    moved: Real
-    trusted: bool
-
-
-class GuardEntry(ResultEntry):
-    """What moves with the observer's bandwidth [rad/s]."""
-
-    observer: str
-    bandwidths: Column
-    in_use: int
-    joints: list[GuardJointEntry]
-    parameters: list[ParameterCurve]
-    texts: list[str]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _by_joint(cls, data: Any) -> Any:
-        if not hasattr(data, "observer_error"):  # of a file
-            return data
-        noise = np.zeros_like(data.change.T)  # of `change`: below `band`, all bands are flat
-        columns = (data.rms.T, data.change.T, noise, data.observer_error.tolist())
-        rows = zip(data.joints, *columns, strict=True)  # the fields of a GuardJointEntry
-        return {
-            "observer": data.observer,
-            "bandwidths": data.bandwidths,
-            "in_use": int(data.in_use),
-            "joints": list(rows),
-            "parameters": data.parameters,
-            "texts": data.texts(),
-        }

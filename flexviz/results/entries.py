@@ -13,6 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
+from flexviz.results.bandwidth import GuardEntry
 from flexviz.results.base import (
     Grade,
     Note,
@@ -23,7 +24,7 @@ from flexviz.results.base import (
     Verdict,
     check_lengths,
 )
-from flexviz.results.curves import CurveTable, FreeCurve, GuardEntry, ResidualLocation, ResidualMap
+from flexviz.results.curves import CurveTable, FreeCurve, ResidualLocation, ResidualMap
 from flexviz.results.findings import Absorbed, Family, Tie
 from flexviz.results.trace import DecoysEntry, Move
 

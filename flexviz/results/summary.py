@@ -124,8 +124,7 @@ def curve_parts(curve: CurveTable) -> tuple[str, Table]:
     table = plain_table(numbers=(f"{curve.variable} [{curve.unit}]", *numbers))
     for k, at in enumerate(curve.at):
         cells = (
-            " ± ".join(interval(value[k] or 0.0, std[k]))
-            for value, std in zip(curve.value, curve.std, strict=True)
+            " ± ".join(interval(value[k], std[k])) for value, std in zip(curve.value, curve.std, strict=True)
         )
         table.add_row(in_ascii(number(at)), *cells)
     return title, table
