@@ -124,7 +124,10 @@ class ResultEntry(BaseModel):
 
 
 class TupleEntry(ResultEntry):
-    """Part of a document; a tuple gives its fields in their order."""
+    """Part of a document; a tuple gives its fields in their order.
+
+    Nothing in it is a record with tuples: they refuse the lists that this check makes of JSON.
+    """
 
     @model_validator(mode="before")
     @classmethod

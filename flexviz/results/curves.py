@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from flexviz.effects import CURVES, FREE_CURVE_DIRECTIONS, CurveForm, curve_points, free_curve, simple_form
@@ -133,7 +134,7 @@ class CurveTable:
     at: Column
     value: Rows
     std: Rows
-    form: str = ""
+    form: Annotated[str, Field(exclude_if=operator.not_)] = ""
 
     @model_validator(mode="after")
     def _per_node(self) -> Self:

@@ -6,6 +6,7 @@ diagnosis by their attributes. Infinities and NaN become null.
 
 from __future__ import annotations
 
+import operator
 from typing import Literal, Self
 
 import numpy as np
@@ -97,7 +98,7 @@ class ResidualEntry(ResultEntry):
     rms_validation: list[Number] | None
     noise_floor: list[Number]
     torque_spread: list[Number] = Field(default_factory=list)
-    rms_between_reversals: list[Number] = Field(default_factory=list)
+    rms_between_reversals: list[Number] = Field(default_factory=list, exclude_if=operator.not_)
     noise_share: list[Number] = Field(default_factory=list)
 
     @model_validator(mode="after")
@@ -106,8 +107,6 @@ class ResidualEntry(ResultEntry):
         for name in ("torque_spread", "rms_between_reversals", "noise_share"):
             lists[name] = getattr(self, name) or None
         check_lengths(len(self.joints), "one per joint", **lists)
-        if not self.rms_between_reversals:
-            self.model_fields_set.discard("rms_between_reversals")
         return self
 
 
@@ -156,15 +155,8 @@ class PlaceEntry(ResultEntry):
     payload: str | None = None
     inseparable_from: list[Tie] = Field(default_factory=list)
     absorbed: list[Absorbed] = Field(default_factory=list)
-    family: Family | None = None
-    share: Number | None = None
-
-    @model_validator(mode="after")
-    def _known_only(self) -> Self:
-        for name in ("family", "share"):
-            if getattr(self, name) is None:
-                self.model_fields_set.discard(name)
-        return self
+    family: Family | None = Field(default=None, exclude_if=operator.not_)
+    share: Number | None = Field(default=None, exclude_if=lambda share: share is None)
 
     @property
     def text(self) -> str:
