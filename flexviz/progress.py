@@ -141,7 +141,7 @@ class Pace:
         self._last = elapsed
         if text in self._known:
             self._total = elapsed / self._known[text]
-        else:
+        elif self._stages > 1:
             self._total = max(self._total, elapsed + self._least * self._longest)
         self._share = max(self._share, min(elapsed / self._total, 1.0)) if self._total > 0 else 0.0
         return Progress(text, self._share, rest=self._total - elapsed if self._total > elapsed else None)

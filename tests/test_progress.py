@@ -17,6 +17,9 @@ def pace(times: list[float]) -> Pace:
 
 
 def test_the_first_stage_tells_how_long_it_will_last() -> None:
+    slow = pace([1e-4, 10.0, 20.0])
+    assert slow.news("survey") == Progress("survey", 0.0)
+    assert slow.news("a").share == pytest.approx(0.25, rel=1e-4)
     slow = pace([0.0, 10.0, 20.0])
     assert slow.news("survey") == Progress("survey", 0.0)
     assert slow.news("a") == Progress("a", 0.25, rest=30.0)  # a quarter is done

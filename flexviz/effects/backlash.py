@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from flexviz._scipy import sp
 from flexviz.arrays import Bools
 from flexviz.effects.effect import HiddenStart, JointScale
 from flexviz.effects.law import LawEffect
@@ -65,7 +65,8 @@ class Backlash(LawEffect):
 def _above(share: float, motion: JointMotion) -> Bools:
     """Samples whose torque exceeds this share of the largest one near by, shape (N,)."""
     size = np.abs(motion.torque)
-    around = sp.ndimage.maximum_filter1d(size, 2 * round(RINGING_TIME / motion.step) + 1, mode="nearest")
+    reach = round(RINGING_TIME / motion.step)
+    around = sliding_window_view(np.pad(size, reach, mode="edge"), 2 * reach + 1).max(axis=1)
     return np.asarray(size > np.maximum(share * around + FAINT_SHARE * motion.torque_scale, 1e-9))
 
 
