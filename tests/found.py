@@ -6,9 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.diagnosis import Diagnosis, EffectParameter, Family, Finding, Move, ResidualLocation, Step, Tie
-from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ParameterCurve, ResidualMap
-from flexviz.diagnosis.result import Absorbed, Evidence
+from flexviz.diagnosis import (
+    Absorbed,
+    BandwidthCheck,
+    Diagnosis,
+    EffectParameter,
+    Evidence,
+    Family,
+    Finding,
+    FreeCurve,
+    Move,
+    ParameterCurve,
+    ResidualLocation,
+    ResidualMap,
+    Step,
+    Tie,
+)
 from flexviz.identification import ParameterEstimate
 from flexviz.model import FlexibleModel
 from flexviz.results import Grade, Note

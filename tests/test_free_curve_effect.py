@@ -43,7 +43,7 @@ from flexviz.exporting.parameters import curve_files
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.results import ResultDocument, read_result
+from flexviz.results import read_result
 from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
 
@@ -179,7 +179,7 @@ def test_identified_curve_is_the_law(plain: Identification, curved: Identificati
     assert curved.residual.rms_validation[0] < 1.2 * plain.residual.rms_validation[0]
     assert curved["stiffness", "joint2"].value == pytest.approx(1100, rel=0.01)
     (table,) = curved.document().curves
-    assert (table.effect, table.joint, table.directions) == (EFFECT, "joint2", ["forward", "backward"])
+    assert (table.effect, table.joint, table.directions) == (EFFECT, "joint2", ("forward", "backward"))
     known = truth(np.array(table.at, float))
     value, std = np.array(table.value, float), np.array(table.std, float)
     seen = std < 0.2 * BUMP.peak
@@ -213,7 +213,7 @@ def test_step_of_a_diagnosis(
     assert table["variable"] == "position" and np.shape(table["value"]) == (2, len(table["at"]))
     file = tmp_path / "result.json"
     file.write_text(json.dumps(document))
-    assert read_result(file).curves == ResultDocument.from_dict(document).curves
+    assert read_result(file).to_dict()["curves"] == document["curves"]
     assert "not physics" in longer.summary()
     (note,) = (note.text for note in longer.notes if note.kind == "stopgap")
     assert note.startswith(f"not physics, but in the model: {last.added.text}")

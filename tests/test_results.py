@@ -155,6 +155,47 @@ def test_files_are_checked_strictly(tmp_path: Path) -> None:
     assert np.isfinite(DIAGNOSIS.document().all_parameters[0].value)
 
 
+def test_records_are_read_back_from_a_file() -> None:
+    document = TIED_DIAGNOSIS.to_dict()
+    again = ResultDocument.from_dict(document)
+    assert again.trace == list(TIED_DIAGNOSIS.trace) and again.where == list(TIED_DIAGNOSIS.where)
+    first, (tie,) = again.candidates[0], TIED_DIAGNOSIS.findings[0].inseparable_from
+    assert first.inseparable_from == [tie] and first.family == TIED_DIAGNOSIS.findings[0].family
+    for mine, other in zip(again.maps, MAPS, strict=True):
+        for name in ("centres", "mean", "std", "count"):
+            read, made = getattr(mine, name), getattr(other, name)
+            assert read.dtype == made.dtype
+            np.testing.assert_array_equal(read, made)  # NaN in an empty bin
+    assert again.free_curve is not None and again.free_curve.certain
+    document["trace"][0] |= {"error": None, "added_later": 1}
+    assert np.isnan(ResultDocument.from_dict(document).trace[0].error)
+
+
+@pytest.mark.parametrize(
+    "value, says",
+    [
+        ([[1.0], [1.0, 2.0]], r"maps, entry 1, mean: .*expected numbers in rows of equal length"),
+        ([[1.0, "a"]], 'maps, entry 1, mean, entry 1, entry 2: found "a", expected a number'),
+        ([[1.0, float("inf")]], "entry 2: found inf, expected a finite number"),
+        (3.0, "maps, entry 1, mean: found 3.0, expected a list"),
+    ],
+)
+def test_what_is_wrong_with_an_array_in_a_file(value: object, says: str, tmp_path: Path) -> None:
+    document, file = DIAGNOSIS.to_dict(), tmp_path / "result.json"
+    document["maps"][0]["mean"] = value
+    file.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(InputError, match=says):
+        read_result(file)
+    document["maps"][0] = 1
+    file.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(InputError, match="maps, entry 1: found 1, expected a table"):
+        read_result(file)
+    document["maps"] = [DIAGNOSIS.to_dict()["maps"][0] | {"count": [[10**30]], "curves": 1}]
+    file.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(InputError, match=r"curves: found 1, expected a list \(and 1 more to correct\)"):
+        read_result(file)
+
+
 def test_the_public_names_exist_and_open_a_session(tmp_path: Path) -> None:
     for name in flexviz.__all__:
         assert getattr(flexviz, name) is not None, name

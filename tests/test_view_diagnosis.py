@@ -10,11 +10,20 @@ import numpy as np
 import pytest
 
 from flexviz.app.uplot import columns
-from flexviz.diagnosis import Diagnosis, EffectParameter, Finding, ResidualLocation, Step, Tie
-from flexviz.diagnosis.curves import DIRECTED
-from flexviz.diagnosis.records import FreeCurve
-from flexviz.diagnosis.residual_location import UNITS, ResidualMap
-from flexviz.diagnosis.result import Absorbed, Evidence
+from flexviz.diagnosis import (
+    DIRECTED,
+    Absorbed,
+    Diagnosis,
+    EffectParameter,
+    Evidence,
+    Finding,
+    FreeCurve,
+    ResidualLocation,
+    ResidualMap,
+    Step,
+    Tie,
+)
+from flexviz.diagnosis.residuals import UNITS
 from flexviz.effects import EFFECTS
 from flexviz.identification import ParameterEstimate
 from flexviz.results import Note

@@ -13,9 +13,8 @@ import pytest
 from flexviz.diagnosis.cross_validation import explained, explained_in_time, make_folds, mean_and_error
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.records import FREE_CURVE_NOTE, UNITS
 from flexviz.diagnosis.residual_location import locate_residual
-from flexviz.diagnosis.residuals import chi_square, joint_residuals
+from flexviz.diagnosis.residuals import UNITS, chi_square, joint_residuals
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
 from flexviz.estimation import noise_density
@@ -23,6 +22,7 @@ from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
+from flexviz.results.curves import FREE_CURVE_NOTE
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
 STRETCHES = [slice(440 * k, 440 * (k + 1)) for k in range(4)]

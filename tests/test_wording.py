@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
-from flexviz.diagnosis import EffectParameter, Move, Step
-from flexviz.diagnosis.result import Absorbed, Note
+from flexviz.diagnosis import Absorbed, EffectParameter, Move, Step
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS
-from flexviz.results import CandidateEntry, parts
+from flexviz.results import CandidateEntry, Note, parts
 from flexviz.wording import (
     FAMILY_TITLES,
     decoys_text,

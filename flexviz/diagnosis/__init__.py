@@ -6,25 +6,18 @@ from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.pipeline import diagnose
 from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, errors_along, prediction_errors
-from flexviz.diagnosis.records import (
-    DIRECTED,
-    DIRECTION_GAIN,
-    BandwidthCheck,
-    FreeCurve,
-    ParameterCurve,
-    ResidualMap,
-)
 from flexviz.diagnosis.residual_location import locate_residual, maps_of
-from flexviz.diagnosis.result import (
+from flexviz.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
+from flexviz.diagnosis.result import Diagnosis, EffectParameter, Evidence, Finding, Step
+from flexviz.results import (
     Absorbed,
-    Diagnosis,
-    EffectParameter,
-    Evidence,
+    BandwidthCheck,
     Family,
-    Finding,
+    FreeCurve,
     Move,
+    ParameterCurve,
     ResidualLocation,
-    Step,
+    ResidualMap,
     Tie,
 )
 

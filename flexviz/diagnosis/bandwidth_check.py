@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from flexviz._scipy import sp
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, search_bounds
-from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.errors import InputError
@@ -40,6 +39,7 @@ from flexviz.estimation import (
 from flexviz.identification import Combination, ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import FlatZeroPhase
+from flexviz.results import BandwidthCheck, ParameterCurve
 from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]

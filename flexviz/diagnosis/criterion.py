@@ -94,9 +94,8 @@ def likelihood(
     sigma = floor if fixed else np.maximum(robust_deviation(parts, count, outlier), floor)
     losses, held_out = [], []
     for k, part in enumerate(parts):
-        ratio = np.abs(part.values) / sigma
-        each = np.where(ratio < outlier, 0.5 * ratio**2, outlier * (ratio - 0.5 * min(outlier, 1e150)))
-        each = (each + (0.0 if fixed else np.log(sigma))) * part.used
+        each = huber(np.abs(part.values) / sigma, outlier) + (0.0 if fixed else np.log(sigma))
+        each *= part.used
         sums = np.add.reduceat(each, [s.start for s in part.stretches], axis=0)
         losses.append(sums)
         held_out += [k > 0] * len(part.stretches)
@@ -106,6 +105,11 @@ def likelihood(
     return Likelihood(
         np.concatenate(losses), np.array(held_out), times, sigma, error, other, freedom, samples
     )
+
+
+def huber(ratio: Array, outlier: float) -> Array:
+    """Huber's loss of residuals |r|/σ, of any shape: half the square, linear from `outlier` on [nats]."""
+    return np.where(ratio < outlier, 0.5 * ratio**2, outlier * (ratio - 0.5 * min(outlier, 1e150)))
 
 
 def robust_deviation(parts: Sequence[Residuals], count: Array, outlier: float) -> Array:

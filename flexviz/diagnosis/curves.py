@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction, make_folds
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, FreeCurve
 from flexviz.diagnosis.residuals import (
+    DIRECTED,
+    DIRECTION_GAIN,
     SLOW,
+    UNITS,
     Absorption,
     JointResiduals,
     SlowResidual,
@@ -26,10 +28,10 @@ from flexviz.diagnosis.residuals import (
     joint_residuals,
     samples,
 )
-from flexviz.diagnosis.result import ResidualLocation
 from flexviz.effects import FreeCurveEffect, free_curve
-from flexviz.effects.free_curve import CONSTANTS, NODES, SIZE
+from flexviz.effects.free_curve import CONSTANTS, DIRECTIONS, NODES, SIZE
 from flexviz.estimation import WIDE_HERTZ, spectral_covariance
+from flexviz.results import FreeCurve, ResidualLocation
 
 Array = NDArray[np.float64]
 

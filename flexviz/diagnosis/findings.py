@@ -13,7 +13,7 @@ from flexviz.diagnosis.course import Course, SearchEnd
 from flexviz.diagnosis.criterion import Gain, confidence
 from flexviz.diagnosis.elimination import by_weight
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Family, Finding, Step, Tie
+from flexviz.diagnosis.result import EffectParameter, Evidence, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.ties import ties
@@ -22,7 +22,7 @@ from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.parallel import shared
-from flexviz.results import Verdict
+from flexviz.results import Absorbed, Family, Tie, Verdict
 from flexviz.wording import step_shares
 
 Array = NDArray[np.float64]

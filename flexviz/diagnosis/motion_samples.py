@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Residuals, robust_deviation
+from flexviz.diagnosis.criterion import Residuals, huber, robust_deviation
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Signals
 
@@ -27,8 +27,8 @@ def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tu
     sigma = np.maximum(robust_deviation([part], np.maximum(used.sum(axis=0), 1), OUTLIER), floor)
     ratio = np.abs(residual) / sigma * used
     weights = used * np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(ratio, 1e-12))) / sigma
-    loss = np.where(ratio < OUTLIER, ratio**2, OUTLIER * (2 * ratio - OUTLIER))
-    return weights, 2 * float(used.sum(axis=0) @ np.log(sigma)) + float(loss.sum())
+    misfit = used.sum(axis=0) @ np.log(sigma) + huber(ratio, OUTLIER).sum()
+    return weights, 2 * float(misfit)
 
 
 class Phase(IntEnum):

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrors
-from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.results import Note, NoteKind
+from flexviz.results import BandwidthCheck, FreeCurve, Note, NoteKind
 from flexviz.wording import MOST_NAMED, listed, plural
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from flexviz.diagnosis.findings import Stair, effect_values, findings, staircase
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.prediction_errors import Known
-from flexviz.diagnosis.result import Diagnosis, Finding, Move, Step
+from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import BesideUnknown, UnknownPlace, locate_unknown, unknown_place
@@ -31,7 +31,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
-from flexviz.results import Note, Verdict
+from flexviz.results import Move, Note, Verdict
 
 Array = NDArray[np.float64]
 

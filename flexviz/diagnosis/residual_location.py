@@ -21,23 +21,25 @@ from flexviz.diagnosis.cross_validation import (
 )
 from flexviz.diagnosis.curves import fit_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, ResidualMap
 from flexviz.diagnosis.residuals import (
+    DIRECTED,
+    DIRECTION_GAIN,
     SLOW,
+    UNITS,
     JointResiduals,
     SlowResidual,
     chi_square,
     joint_residuals,
     samples,
 )
-from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects.free_curve import NODES
+from flexviz.effects.free_curve import DIRECTIONS, NODES
 from flexviz.equation import layout_of
 from flexviz.estimation import noise_density
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.parallel import shared
+from flexviz.results import ResidualLocation, ResidualMap
 
 Array = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Pulses, side_by_side
 from flexviz.estimation import (
     ESTIMATION,
@@ -28,6 +29,12 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 SLOW = FlatZeroPhase(2 * np.pi * NARROW_HERTZ)  # low-pass of the slow residual
+DIRECTED = "position × direction"
+UNITS = {
+    "position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "load": "Nm", DIRECTED: "rad",
+    "time": "s", "group": "-", "frequency": "Hz",
+}  # of the variables of a residual map  # fmt: skip
+DIRECTION_GAIN = THRESHOLDS.evidence.share  # that position and direction together have to explain more
 
 
 @dataclass(frozen=True)

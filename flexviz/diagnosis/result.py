@@ -8,14 +8,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ResidualMap
 from flexviz.effects import free_curve
 from flexviz.identification import ParameterEstimate
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.results import (
+    Absorbed,
+    BandwidthCheck,
     CandidateEntry,
+    Family,
+    FreeCurve,
+    Move,
     Note,
+    ResidualLocation,
+    ResidualMap,
     ResultDocument,
+    Tie,
     Verdict,
     curve_entries,
     find_parameter,
@@ -24,38 +31,6 @@ from flexviz.results import (
 from flexviz.wording import finding_key, found_shares
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Tie:
-    """An effect that the data hardly distinguish from the one found.
-
-    Attributes:
-        correlation: of the two signatures, after projecting out the model's own parameters.
-        breaks: sentence naming the motion or payload in which the two differ most; may be empty.
-    """
-
-    effect: str
-    joint: str | None
-    correlation: float
-    breaks: str = ""
-
-
-@dataclass(frozen=True)
-class Absorbed:
-    """A parameter that absorbed the missing effect and changed when the effect was added.
-
-    Attributes:
-        before, after: value [unit].
-        deviations: change in standard errors.
-    """
-
-    name: str
-    joint: str | None
-    before: float
-    after: float
-    unit: str
-    deviations: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,44 +58,6 @@ class EffectParameter(NamedTuple):
     value: float
     std: float | None
     unit: str
-
-
-@dataclass(frozen=True)
-class Family:
-    """Effects whose signatures the data cannot separate (`flexviz.effects.EFFECT_FAMILIES`).
-
-    Attributes:
-        tied: whether the members tie in these data; the family is then the finding.
-        members: names of the effects, the simplest first.
-        confidence: probability that one of the members is correct.
-    """
-
-    name: str
-    tied: bool
-    members: tuple[str, ...]
-    confidence: float
-
-
-@dataclass(frozen=True)
-class Move:
-    """One move that the search tried.
-
-    Attributes:
-        kind: "add", "drop", "swap" or "unknown" (an unknown torque).
-        added, removed: effects as on the command line: "coulomb_friction:joint1".
-        delta, error: decrease of the objective and its standard error [nats].
-        resolution: "coarse" or "fine".
-        why: why it was not accepted, in words; "" if it was.
-    """
-
-    kind: str
-    added: tuple[str, ...]
-    removed: tuple[str, ...]
-    delta: float
-    error: float
-    accepted: bool
-    resolution: str
-    why: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,16 +111,6 @@ class Finding:
     def to_dict(self) -> dict[str, Any]:
         """One entry of the contract's `candidates`."""
         return CandidateEntry.model_validate(self).model_dump(mode="json", exclude_unset=True)
-
-
-@dataclass(frozen=True)
-class ResidualLocation:
-    """A joint, and a variable that explains a share of its residual out of sample."""
-
-    joint: str
-    variable: str
-    explained: float
-    range: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)

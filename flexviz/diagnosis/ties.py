@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.result import Tie
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.effects.free_curve import NODES
 from flexviz.equation import Signals
 from flexviz.estimation import Projection
+from flexviz.results import Tie
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

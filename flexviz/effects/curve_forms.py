@@ -8,11 +8,12 @@ squares problems whose variables separate, SIAM J. Numer. Anal. 10, 1973).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexviz.effects.terms import Array
 
@@ -99,14 +100,10 @@ class CurveForm:
         return f"{text}{way} ({min(100 * self.explained, 99):.0f} % of the curve)"
 
 
-def curve_points(
-    variable: str, at: Sequence[float | None], value: Iterable[Iterable[float | None]],
-    std: Iterable[Iterable[float | None]],
-) -> CurvePoints:  # fmt: skip
-    """Points of a curve given at `at` by one row per direction; what is not finite is left out."""
-    rows = np.array([list(row) for row in value], float)
-    errors = np.array([list(row) for row in std], float)
-    x = np.tile(np.array(at, float), (len(rows), 1))
+def curve_points(variable: str, at: ArrayLike, value: ArrayLike, std: ArrayLike) -> CurvePoints:
+    """Points of a curve at (M,), given by (S, M) torques and errors; what is not finite is left out."""
+    rows, errors = np.asarray(value, float), np.asarray(std, float)
+    x = np.tile(np.asarray(at, float), (len(rows), 1))
     backward = np.repeat(np.arange(len(rows))[:, None] == 1, x.shape[1], axis=1)
     if variable == "velocity":
         x = np.abs(x)

@@ -104,8 +104,8 @@ def candidate_lines(
         for tie in first.inseparable_from:
             place = f" on {tie.joint}" if tie.joint else ""
             yield f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})"
-            if tie.would_separate:
-                yield f"     {tie.would_separate}"
+            if tie.breaks:
+                yield f"     {tie.breaks}"
         if first.inseparable_from and rank == 1:
             tie = first.inseparable_from[0]
             pair = first.text, EffectValue(tie.effect, tie.joint).text

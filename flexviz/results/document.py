@@ -49,6 +49,9 @@ class ResultDocument(ResultFields):
         """The document as JSON holds it."""
         return self.model_dump(mode="json", exclude_unset=True)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ResultDocument) and self.to_dict() == other.to_dict()
+
     @staticmethod
     def from_dict(data: Mapping[str, Any]) -> ResultDocument:
         """The document of what `to_dict` gave; pydantic's ValidationError for anything else."""

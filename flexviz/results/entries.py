@@ -1,21 +1,33 @@
 """Entries of the results document.
 
-They are built from the records of an identification or a diagnosis by their attributes; infinities and NaN
-become null.
+Records of a diagnosis are entries themselves. Others are built from the records of an identification or a
+diagnosis by their attributes. Infinities and NaN become null.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+import operator
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import AliasChoices, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
-from flexviz.results.base import Column, Grade, Note, Nullable, Number, ResultEntry, Verdict, check_lengths
-from flexviz.results.curves import CurveTableEntry, FreeCurveEntry, GuardEntry, MapEntry
-from flexviz.results.trace import DecoysEntry, MoveEntry
+from flexviz.results.bandwidth import GuardEntry
+from flexviz.results.base import (
+    Grade,
+    Note,
+    Nullable,
+    Number,
+    ResultEntry,
+    TupleEntry,
+    Verdict,
+    check_lengths,
+)
+from flexviz.results.curves import CurveTable, FreeCurve, ResidualLocation, ResidualMap
+from flexviz.results.findings import Absorbed, Family, Tie
+from flexviz.results.trace import DecoysEntry, Move
 
 
 class ParameterEntry(ResultEntry):
@@ -86,7 +98,7 @@ class ResidualEntry(ResultEntry):
     rms_validation: list[Number] | None
     noise_floor: list[Number]
     torque_spread: list[Number] = Field(default_factory=list)
-    rms_between_reversals: list[Number] = Field(default_factory=list)
+    rms_between_reversals: list[Number] = Field(default_factory=list, exclude_if=operator.not_)
     noise_share: list[Number] = Field(default_factory=list)
 
     @model_validator(mode="after")
@@ -95,8 +107,6 @@ class ResidualEntry(ResultEntry):
         for name in ("torque_spread", "rms_between_reversals", "noise_share"):
             lists[name] = getattr(self, name) or None
         check_lengths(len(self.joints), "one per joint", **lists)
-        if not self.rms_between_reversals:
-            self.model_fields_set.discard("rms_between_reversals")
         return self
 
 
@@ -112,7 +122,7 @@ class TorqueEntry(ResultEntry):
         return self
 
 
-class ValueEntry(ResultEntry):
+class ValueEntry(TupleEntry):
     """The value of an effect's parameter."""
 
     value: Number
@@ -133,35 +143,6 @@ class EffectEntry(ResultEntry):
     parameters: dict[str, ValueEntry]
 
 
-class TieEntry(ResultEntry):
-    """Another effect that the data hardly tell from this one, and what would separate the two."""
-
-    effect: str
-    joint: str | None
-    correlation: Number
-    would_separate: Annotated[str, Field(validation_alias=AliasChoices("would_separate", "breaks"))] = ""
-
-
-class AbsorbedEntry(ResultEntry):
-    """A parameter that moved when the effect was added, having absorbed it before."""
-
-    name: str
-    joint: str | None
-    before: Number
-    after: Number
-    unit: str
-    deviations: Nullable
-
-
-class FamilyEntry(ResultEntry):
-    """Effects that these data cannot separate (if `tied`), the simplest first."""
-
-    name: str
-    tied: bool
-    members: list[str]
-    confidence: Number
-
-
 class PlaceEntry(ResultEntry):
     """An effect and where it acts.
 
@@ -172,17 +153,10 @@ class PlaceEntry(ResultEntry):
     joint: str | None
     group: str | None = None
     payload: str | None = None
-    inseparable_from: list[TieEntry] = Field(default_factory=list)
-    absorbed: list[AbsorbedEntry] = Field(default_factory=list)
-    family: FamilyEntry | None = None
-    share: Number | None = None
-
-    @model_validator(mode="after")
-    def _known_only(self) -> Self:
-        for name in ("family", "share"):
-            if getattr(self, name) is None:
-                self.model_fields_set.discard(name)
-        return self
+    inseparable_from: list[Tie] = Field(default_factory=list)
+    absorbed: list[Absorbed] = Field(default_factory=list)
+    family: Family | None = Field(default=None, exclude_if=operator.not_)
+    share: Number | None = Field(default=None, exclude_if=lambda share: share is None)
 
     @property
     def text(self) -> str:
@@ -198,16 +172,7 @@ class CandidateEntry(PlaceEntry):
     parameters: dict[str, ValueEntry]
 
 
-class LocationEntry(ResultEntry):
-    """A joint and a variable that explain a share of the residual."""
-
-    joint: str
-    variable: str
-    explained: Nullable
-    range: Column
-
-
-class GroupErrorEntry(ResultEntry):
+class GroupErrorEntry(TupleEntry):
     """The error of one group [Nm per joint]."""
 
     name: str
@@ -252,7 +217,7 @@ class ResultFields(ResultEntry):
     set_sha256: str | None = None
     verdict: Verdict | None = None
     candidates: list[CandidateEntry] = Field(default_factory=list)
-    where: list[LocationEntry] = Field(default_factory=list)
+    where: list[ResidualLocation] = Field(default_factory=list)
     steps: list[StepEntry] = Field(default_factory=list)
     model: ModelEntry | None = None
     observer: ObserverEntry | None = None
@@ -270,12 +235,12 @@ class ResultFields(ResultEntry):
     residual: ResidualEntry | None = None
     notes: list[str] = Field(default_factory=list)
     typed_notes: list[Note] = Field(default_factory=list)
-    maps: list[MapEntry] = Field(default_factory=list)
-    free_curve: FreeCurveEntry | None = None
-    curves: list[CurveTableEntry] = Field(default_factory=list)
+    maps: list[ResidualMap] = Field(default_factory=list)
+    free_curve: FreeCurve | None = None
+    curves: list[CurveTable] = Field(default_factory=list)
     guard: GuardEntry | None = None
     torque: TorqueEntry | None = None
-    trace: list[MoveEntry] = Field(default_factory=list)
+    trace: list[Move] = Field(default_factory=list)
     decoys: DecoysEntry | None = None
     seconds: Number | None = None
 

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from flexviz.effects import free_curve
 from flexviz.results.assessment import assessment
-from flexviz.results.curves import CurveTableEntry
+from flexviz.results.curves import CurveTable
 from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
 from flexviz.results.tables import in_ascii, interval, plain_table
@@ -116,7 +116,7 @@ def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
     return [f"{p.name}{f':{p.joint}' if p.joint else ''} is tied to {', '.join(p.tied_to)}" for p in tied]
 
 
-def curve_parts(curve: CurveTableEntry) -> tuple[str, Table]:
+def curve_parts(curve: CurveTable) -> tuple[str, Table]:
     """A free curve: what it is, and its torque at the nodes."""
     title = f"{effect_title(curve.effect)} on {curve.joint}: a stopgap"
     title += f"; its form is that of {curve.form}" if curve.form else ""
@@ -124,8 +124,7 @@ def curve_parts(curve: CurveTableEntry) -> tuple[str, Table]:
     table = plain_table(numbers=(f"{curve.variable} [{curve.unit}]", *numbers))
     for k, at in enumerate(curve.at):
         cells = (
-            " ± ".join(interval(value[k] or 0.0, std[k]))
-            for value, std in zip(curve.value, curve.std, strict=True)
+            " ± ".join(interval(value[k], std[k])) for value, std in zip(curve.value, curve.std, strict=True)
         )
         table.add_row(in_ascii(number(at)), *cells)
     return title, table

@@ -1,26 +1,35 @@
-"""Entries for what a search tried: its moves, and decoys."""
+"""What a search tried: its moves, and decoys."""
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic.dataclasses import dataclass
 
-from flexviz.results.base import Nullable, ResultEntry
+from flexviz.results.base import RECORD, Real, TupleEntry
 
 
-class MoveEntry(ResultEntry):
-    """A move of the search: the decrease of its objective with its standard error [nats]."""
+@dataclass(frozen=True, config=RECORD)
+class Move:
+    """One move that the search tried.
+
+    Attributes:
+        kind: "add", "drop", "swap" or "unknown" (an unknown torque).
+        added, removed: effects as on the command line: "coulomb_friction:joint1".
+        delta, error: decrease of the objective and its standard error [nats].
+        resolution: "coarse" or "fine".
+        why: why it was not accepted, in words; "" if it was.
+    """
 
     kind: str
-    added: list[str] = Field(default_factory=list)
-    removed: list[str] = Field(default_factory=list)
-    delta: Nullable
-    error: Nullable
+    added: tuple[str, ...]
+    removed: tuple[str, ...]
+    delta: Real
+    error: Real
     accepted: bool
     resolution: str
     why: str = ""
 
 
-class DecoysEntry(ResultEntry):
+class DecoysEntry(TupleEntry):
     """Candidates that cannot be right: how many of those tried were accepted."""
 
     accepted: int

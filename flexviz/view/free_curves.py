@@ -77,8 +77,7 @@ def model_curve_charts(parameters: Sequence[ParameterEstimate], height: int = 19
     """The free curves of a model, with their 95 % intervals."""
     charts = []
     for table in curve_tables(parameters):
-        x = np.array(table.at, float)
-        value, std = np.array(table.value, float), np.array(table.std, float)
+        x, value, std = table.at, table.value, table.std
         series, ribbons = [], []
         for name, row, half, (colour, dash) in zip(
             table.directions, value, NORMAL_95 * std, CURVES, strict=False

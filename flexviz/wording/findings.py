@@ -146,8 +146,7 @@ def tie_text(tie: TieLike) -> str:
     """The effect that a finding is hard to tell from, and what would decide."""
     other = effect_title(tie.effect) + where_text(tie.joint)
     text = f"Hard to tell from {other} (signatures similar to {share_text(min(abs(tie.correlation), 1.0))})."
-    breaks = getattr(tie, "breaks", "")
-    return f"{text} {breaks}".strip()
+    return f"{text} {tie.breaks}".strip()
 
 
 @dataclass(frozen=True)
@@ -172,7 +171,7 @@ def moved(findings: Iterable[NamedLike]) -> list[Moved]:
     for a in (entry for finding in findings for entry in finding.absorbed):
         first = out.get((a.name, a.joint))
         before, least = (a.before, 0.0) if first is None else (first.before, first.deviations)
-        largest = max(least, abs(a.deviations or 0.0))
+        largest = max(least, abs(a.deviations))  # NaN: unknown
         out[a.name, a.joint] = Moved(a.name, a.joint, before, a.after, a.unit, largest)
     return sorted(out.values(), key=lambda m: -m.deviations)
 

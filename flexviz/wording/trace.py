@@ -83,7 +83,7 @@ def _key(move: MoveLike) -> object:
 
 
 def _delta(move: MoveLike) -> float:
-    return -math.inf if move.delta is None or math.isnan(move.delta) else move.delta
+    return -math.inf if math.isnan(move.delta) else move.delta
 
 
 def _told(moves: Sequence[MoveLike], joints: Sequence[str], families: Families | None) -> ToldMove:
@@ -97,8 +97,7 @@ def _told(moves: Sequence[MoveLike], joints: Sequence[str], families: Families |
     made = "" if first.accepted else " not"
     words = MOVES.get(first.kind, OTHER)
     text = words.format(added=added, removed=removed, both=both, kind=first.kind, not_=made)
-    delta = math.fsum(move.delta if move.delta is not None else math.nan for move in moves)
-    error = math.hypot(*(move.error if move.error is not None else math.nan for move in moves))
+    delta, error = math.fsum(move.delta for move in moves), math.hypot(*(move.error for move in moves))
     shown, half = with_error(delta, error)
     resolutions = dict.fromkeys(move.resolution for move in moves)
     return ToldMove(text, f"{shown} ± {half}", first.accepted, listed(list(resolutions)), first.why)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
@@ -59,7 +60,7 @@ def verdict_text(
     if place is None or clearest is None:
         return f"{unknown}{acting}."
     other = "" if place.joint == clearest.joint else f" {place.joint}; it is clearest on"
-    share, along = share_text(clearest.explained or 0.0), ALONG.get(clearest.variable, clearest.variable)
+    share, along = share_text(clearest.explained), ALONG.get(clearest.variable, clearest.variable)
     return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}{acting}."
 
 
@@ -91,14 +92,14 @@ def what_stays(joints: Sequence[str], step: StepLike | None, spread: Sequence[fl
 
 def location(where: Sequence[LocationLike], worst: str = "") -> LocationLike | None:
     """The first location that explains something, on the joint `worst` if there is one."""
-    found = [place for place in where if (place.explained or 0.0) > MIN_NAMED_SHARE]
+    found = [place for place in where if place.explained > MIN_NAMED_SHARE]
     return next((place for place in found if place.joint == worst), found[0] if found else None)
 
 
 def span_text(place: LocationLike, unit: str, groups: Sequence[str]) -> str:
     """Where along its variable the residual is largest, "-0.2 … 0.7 rad"; of `groups` the name."""
     low, high = place.range
-    if place.variable == "group" and low is not None and 0 <= round(low) < len(groups):
+    if place.variable == "group" and math.isfinite(low) and 0 <= round(low) < len(groups):
         return groups[round(low)]
-    ends = " … ".join("–" if end is None else number(end, 3) for end in (low, high))
+    ends = " … ".join(number(end, 3) for end in (low, high))
     return f"{ends} {unit_text(unit)}".rstrip()
