@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from flexviz.diagnosis.cross_validation import explained, explained_in_time, make_folds, mean_and_error
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.residual_location import locate_residual
+from flexviz.diagnosis.residual_location import locate_residual, periodogram
 from flexviz.diagnosis.residuals import UNITS, chi_square, joint_residuals
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
@@ -224,6 +225,15 @@ def test_position_and_direction_together(patched):
     middle = np.argmin(np.abs(both.centres - 0.1), axis=1)
     forward, backward = both.mean[0, middle[0]], both.mean[1, middle[1]]
     assert forward > 5 * both.std[0, middle[0]] > 0 > backward
+
+
+@pytest.mark.parametrize("count", [100, 101])
+def test_density_of_a_spectrum(count):
+    values = np.random.default_rng(3).normal(size=(2, count, 3))
+    hertz, power = periodogram(values, 0.01)
+    expected = scipy.signal.periodogram(values, 100.0, "hann", detrend=False, axis=1)
+    np.testing.assert_allclose(hertz, expected[0])
+    np.testing.assert_allclose(power, expected[1], atol=1e-15)
 
 
 def test_a_vibration_has_a_frequency(demo):

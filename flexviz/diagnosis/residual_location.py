@@ -119,7 +119,7 @@ def periodogram(values: Array, step: float) -> tuple[Array, Array]:
     window = np.sin(np.pi * np.arange(count) / count) ** 2
     power = np.abs(np.fft.rfft(values * window[:, None], axis=1)) ** 2 * step / np.sum(window**2)
     power[:, 1 : (count + 1) // 2] *= 2
-    return np.fft.rfftfreq(count, step), power
+    return np.arange(power.shape[1]) / (count * step), power
 
 
 def frequency_maps(names: Sequence[str], parts: Sequence[JointResiduals]) -> list[ResidualMap]:
