@@ -269,7 +269,7 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(
     (curve_chart,) = model_curve_charts(added.identification.parameters)  # type: ignore[union-attr]
     assert curve_chart.title.startswith("In the model: Free curve of velocity")
     page = session_report(app.store.session, measurements)
-    assert "Added: Free curve of velocity" in page and "A stopgap, not physics" in page
+    assert "Added: Free curve of velocity" in page and "Not physics: it lowers" in page
     assert "A free curve on joint2, which is not physics, stands for what is unknown." in page
     assert "In the model: Free curve of velocity" in page
 

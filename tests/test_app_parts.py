@@ -234,8 +234,8 @@ def fake_button(uuid: str) -> Any:
 
 def test_a_control_that_is_off_says_why() -> None:
     handle = fake_button("u")
-    off(handle, "something is running", "does it")
-    assert handle.disabled and handle.hint == "off: something is running"
+    off(handle, "a computation is running (Stop ends it)", "does it")
+    assert handle.disabled and handle.hint == "off: a computation is running (Stop ends it)"
     off(handle, "", "does it")
     assert not handle.disabled and handle.hint == "does it"
 

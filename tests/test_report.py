@@ -98,7 +98,7 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
     for words in (
         "Missing: Coulomb friction on joint2: > 99 % of the error (added here). With it not all",
         "With it not all of the error is explained:",
-        "mostly on joint2, where 31 % follows the velocity",
+        "mostly on joint2, where 31 % of it follows the velocity",
         "The error on held-out groups went from ",
         " % of the torque (1.74 Nm) to ",  # sqrt of the mean square of (2.2, 1.1), (0.021, 0.031)
         " % of the torque (0.0265 Nm).",
@@ -118,7 +118,7 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
         "Evidence for Coulomb friction on joint2, g1",
         "Residual of joint2 against velocity, 31 %",
         "Spectrum of the residual of joint2",
-        "Stopgap: free torque of joint2 against velocity",
+        "Free torque of joint2 against velocity (not physics)",
     ]
 
 

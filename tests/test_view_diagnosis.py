@@ -84,12 +84,12 @@ def test_the_verdict_begins_as_agreed() -> None:
     assert verdict_text(replace(DIAGNOSIS, findings=())).startswith("Missing:")
     assert verdict_text(replace(DIAGNOSIS, verdict="nothing-missing")).startswith("Nothing is missing:")
     unknown = verdict_text(replace(DIAGNOSIS, verdict="unknown"))
-    assert unknown.startswith("Unknown:") and "joint2, where 31 % follows the velocity" in unknown
+    assert unknown.startswith("Unknown:") and "joint2, where 31 % of it follows the velocity" in unknown
     assert verdict_text(replace(DIAGNOSIS, verdict="unknown", where=())).startswith("Unknown:")
     # the joint that errs most is not always the one with the structured residual, for which there is a curve
     both = (*DIAGNOSIS.where, ResidualLocation("joint1", "time", 0.07, (0.0, 1.0)))
     split = verdict_text(replace(DIAGNOSIS, verdict="unknown", where=both), worst="joint1")
-    assert split.endswith("mostly on joint1; it is clearest on joint2, where 31 % follows the velocity.")
+    assert split.endswith("mostly on joint1; of the residual of joint2, 31 % follows the velocity.")
 
 
 def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
@@ -264,17 +264,17 @@ def free_curve(value: list[list[float]], variable: str = "position") -> FreeCurv
     )
 
 
-def test_the_free_curve_says_that_it_is_a_stopgap() -> None:
+def test_the_free_curve_says_that_it_is_not_physics() -> None:
     nan = float("nan")
     both = free_chart(free_curve([[nan, 1.0, 2.0, 3.0], [-1.0, -2.0, -3.0, nan]]))
     assert [series.label for series in both.series] == ["forward", "backward"]
-    assert len(columns(both)[0]) == 2 and len(both.ribbons) == 2 and both.title.startswith("Stopgap")
+    assert len(columns(both)[0]) == 2 and len(both.ribbons) == 2 and both.title.endswith("(not physics)")
     assert both.ribbons[0].high[1:] == pytest.approx(both.series[0].y[1:] + 0.196)
     apart = free_chart(free_curve([[nan, nan, 2.0, 3.0], [-2.0, -1.0, nan, nan]], "velocity"))
     assert list(apart.series[0].y) == [-2.0, -1.0, 2.0, 3.0] and len(apart.ribbons) == 1
     assert len(columns(free_chart(free_curve([[1.0, 2.0, 3.0]])))[0]) == 3
     text = free_html(free_curve([[1.0, 2.0]]))
-    assert "Stopgap" in text and "43 ± 4 %" in text and "not a model" in text
+    assert "43 ± 4 %" in text and "not physics" in text
     assert not free_chart(None).series and free_html(None) == ""
     doubtful = replace(free_curve([[1.0, 2.0]]), explained=0.03, explained_std=0.02)  # perhaps nothing
     assert not free_chart(doubtful).series and free_html(doubtful) == ""

@@ -338,7 +338,7 @@ class Store(ChangeSignal):
     def why_not(self) -> str:
         """Why no fit can be started now, or ""."""
         if self.running:
-            return "something is running"
+            return "a computation is running (Stop ends it)"
         return "" if self.analysis.groups_with("fit") else "no group is set to Fit in step Data"
 
     def may_start(self, what: str) -> bool:

@@ -42,8 +42,10 @@ def notes(
     joints = final.layout.joints
     if model_error_variance is not None:
         sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
-        text = "no model reaches the measurement noise: effects were accepted by the error of held-out groups"
-        out.append(("model-error", f"{text}, allowing for a model error of (Nm) {sizes}"))
+        text = (
+            "no model explains all but the noise: an effect was added if it predicts also the held-out groups"
+        )
+        out.append(("model-error", f"{text} better. Error that is left in the model (Nm): {sizes}"))
     floor, rms = np.maximum(errors.noise_floor, 1e-300), np.array(errors.stated)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
@@ -65,7 +67,7 @@ def notes(
         sides = " and the direction of motion" if len(curve.directions) > 1 else ""
         text = (
             f"a free curve against the {curve.variable}{sides} of {curve.joint} explains "
-            f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
+            f"{100 * max(curve.explained, 0.0):.0f} % of its residual: not physics"
         )
         out.append(("free-curve", text + (f"; its form is that of {curve.form}" if curve.form else "")))
     if own := ", ".join(e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap):
@@ -82,8 +84,8 @@ def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:
     starts = [j for j, first in zip(joints, first_phase, strict=True) if first == Phase.MOTION]
     also = f", of {listed(starts)} also the first {STILL.start_angle:g} rad after it" if starts else ""
     return (
-        f"samples at standstill of {names} are excluded{also}, here and from the errors: static friction can "
-        "take any value up to its limit, so the model is much less accurate there"
+        f"standstill of {names} is left out{also}, of the diagnosis and of the stated errors: static "
+        "friction can take any value up to its limit, so that no model of the motion is accurate there"
     )
 
 

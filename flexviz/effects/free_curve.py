@@ -200,7 +200,7 @@ class FreeCurveEffect(LawEffect):
 class FreePositionCurve(FreeCurveEffect):
     name = "free_curve_position"
     title = "Free curve of position (not physics)"
-    explanation = "A torque that depends on the position only, of any form: a stopgap, not physics."
+    explanation = "A torque that depends on the position only, of any form: not physics."
     equation = "u = c(θ), a smooth curve"
     variable, unit = "position", "rad"
 
@@ -208,7 +208,7 @@ class FreePositionCurve(FreeCurveEffect):
 class FreeDirectionCurve(FreeCurveEffect):
     name = "free_curve_direction"
     title = "Free curve of position in each direction (not physics)"
-    explanation = "A torque that depends on position and direction, of any form: a stopgap, not physics."
+    explanation = "A torque that depends on position and direction, of any form: not physics."
     equation = "u = c₊(θ) for θ̇ > 0, c₋(θ) for θ̇ < 0, smooth curves"
     variable, unit, each_way = "position", "rad", True
 
@@ -224,7 +224,7 @@ class FreeFrictionCurve(FreeCurveEffect):
 class FreeVelocityCurve(FreeCurveEffect):
     name = "free_curve_velocity"
     title = "Free curve of velocity (not physics)"
-    explanation = "A torque that depends on the velocity only, of any form: a stopgap, not physics."
+    explanation = "A torque that depends on the velocity only, of any form: not physics."
     equation = "u = c₊(|θ̇|) for θ̇ > 0, c₋(|θ̇|) for θ̇ < 0, smooth curves"
     variable, unit, each_way = "velocity", "rad/s", True
 
@@ -239,7 +239,7 @@ class FreeVelocityCurve(FreeCurveEffect):
 class FreeLoadCurve(FreeCurveEffect, LoadedEffect):
     name = "free_curve_load"
     title = "Free curve of load (not physics)"
-    explanation = "A torque that depends on the transmitted torque only, of any form: a stopgap, not physics."
+    explanation = "A torque that depends on the transmitted torque only, of any form: not physics."
     equation = "u = c(τ_j), a smooth curve"
     variable, unit = "load", "Nm"
     state = True
@@ -253,7 +253,7 @@ class FreeLoadCurve(FreeCurveEffect, LoadedEffect):
 class FreeTimeCurve(FreeCurveEffect):
     name = "free_curve_time"
     title = "Free curve of time (not physics)"
-    explanation = "A torque that depends on the time since a run began, of any form: a stopgap, not physics."
+    explanation = "A torque that depends on the time since a run began, of any form: not physics."
     equation = "u = c(t), a smooth curve, t the group's own time"
     variable, unit = "time", "s"
 

@@ -20,7 +20,7 @@ from flexviz.wording import ParameterLike
 
 Array = NDArray[np.float64]
 
-FREE_CURVE_NOTE = "a stopgap fitted to the residual, not a model: it shows where, not why"
+FREE_CURVE_NOTE = "fitted to the residual, not physics: it shows where, not why"
 
 
 @dataclass(frozen=True, config=RECORD)

@@ -118,7 +118,7 @@ def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
 
 def curve_parts(curve: CurveTable) -> tuple[str, Table]:
     """A free curve: what it is, and its torque at the nodes."""
-    title = f"{effect_title(curve.effect)} on {curve.joint}: a stopgap"
+    title = f"{effect_title(curve.effect)} on {curve.joint}: not physics"
     title += f"; its form is that of {curve.form}" if curve.form else ""
     numbers = [f"{way} ± 95 % [Nm]".strip() for way in curve.directions]
     table = plain_table(numbers=(f"{curve.variable} [{curve.unit}]", *numbers))

@@ -43,7 +43,7 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
     largest = number(float(np.nanmax(np.abs(values))), 3)
     return Chart(
         FREE,
-        f"Stopgap: free torque of {curve.joint} against {curve.variable}",
+        f"Free torque of {curve.joint} against {curve.variable} (not physics)",
         ChartAxis(f"{curve.variable} of {curve.joint}", curve.unit),
         ChartAxis("missing torque", "Nm"),
         tuple(series),
@@ -56,14 +56,14 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
 
 
 def free_html(curve: FreeCurve | None) -> str:
-    """The share that the free curve explains, marked as a stopgap; empty if that may be nothing."""
+    """The share that the free curve explains, marked as not physics; empty if that may be nothing."""
     if curve is None or not curve.certain:
         return ""
     share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"
     sides = " and the direction of motion" if len(curve.directions) > 1 else ""
     form = f" Its form is that of {escape(curve.form)}." if curve.form else ""
     return (
-        f'<div class="fv fv-warn"><b>Stopgap.</b> A free curve against the {escape(curve.variable)}{sides} '
+        f'<div class="fv fv-warn">A free curve against the {escape(curve.variable)}{sides} '
         f"of {escape(curve.joint)} would explain {share} of its residual: {escape(curve.note)}.{form}</div>"
     )
 

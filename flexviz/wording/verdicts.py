@@ -59,9 +59,11 @@ def verdict_text(
     place = clearest if acting else location(diagnosis.where, worst)
     if place is None or clearest is None:
         return f"{unknown}{acting}."
-    other = "" if place.joint == clearest.joint else f" {place.joint}; it is clearest on"
     share, along = share_text(clearest.explained), ALONG.get(clearest.variable, clearest.variable)
-    return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}{acting}."
+    follows = f", where {share} of it follows {along}"
+    if place.joint != clearest.joint:
+        follows = f"; of the residual of {clearest.joint}, {share} follows {along}"
+    return f"{unknown}, mostly on {place.joint}{follows}{acting}."
 
 
 def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:

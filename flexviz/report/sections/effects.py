@@ -68,7 +68,7 @@ def _added(content: ReportContent, texts: Sequence[str]) -> blocks.Section:
         return _part("Added", wording.MergedFinding(found, content.share_of(texts)), content.joints)
     name = wording.text_names(texts, content.joints, content.families)[0]
     if all(map(free_curve, texts)):
-        stopgap = "A stopgap, not physics: it lowers the error of the recorded motion only."
+        stopgap = "Not physics: it lowers the error of the recorded motion only."
         return blocks.section(f"Added: {name}", blocks.Paragraph(stopgap))
     unknown = "Added by hand, or by a diagnosis that is not in the session any more."
     return blocks.section(f"Added: {name}", blocks.Paragraph(unknown))
@@ -81,7 +81,7 @@ def _part(
     many = len(merged.members) > 1
     values = f"{wording.values_text(first)}. " if first.parameters and not many else ""
     stopgap = effect is not None and effect.stopgap
-    sure = "a stopgap" if stopgap else f"confidence {wording.confidence_range(merged.members)}"
+    sure = "not physics" if stopgap else f"confidence {wording.confidence_range(merged.members)}"
     moves = [a for a in wording.moved(merged.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
     charts = (evidence_chart(finding, height=blocks.FIGURE_HEIGHT) for finding in merged.members)
     return blocks.section(
