@@ -15,8 +15,9 @@ from typing import Any
 
 import pytest
 
+from flexviz.app.events import EventQueue, TaskRunner
 from flexviz.errors import Cancelled, FlexvizError, InputError
-from flexviz.jobs import JobEvent, Task, Worker
+from flexviz.jobs import InThread, JobEvent, Task, Worker
 from flexviz.parallel import shared, usable_cores
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
@@ -251,6 +252,27 @@ def test_closed_worker_takes_no_job() -> None:
     worker.close()
     with pytest.raises(FlexvizError, match="closed"):
         worker.submit(Count(1), Ears())
+
+
+def test_saving_does_not_wait_for_a_computation() -> None:
+    events, told = EventQueue(), list[Any]()
+    runner = TaskRunner(events, told.append)
+    runner.start(WaitUntilStopped(), told.append, progress=told.append)
+    runner.start(InThread(sum, (1, 2)), told.append)
+
+    def until(count: int) -> None:
+        while len(told) < count:
+            event = events.take(PATIENCE)
+            assert event is not None
+            event.action(event.value)
+
+    until(2)
+    assert 3 in told and Progress("waiting") in told and runner.busy
+    runner.stop(WaitUntilStopped)
+    until(3)
+    assert told[2] == "what was there"
+    runner.close()
+    assert not runner.busy
 
 
 def test_closing_waits_for_no_job() -> None:

@@ -57,18 +57,30 @@ class EventQueue:
 
 
 class TaskRunner:
-    """Starts tasks on the worker; all callbacks run in the loop's thread."""
+    """Starts tasks on two workers; all callbacks run in the loop's thread.
+
+    What runs in a thread of this process, such as saving, opening or writing a report, does not wait for a
+    computation in the child process.
+    """
 
     def __init__(self, queue: EventQueue, failed: Callable[[str], None]) -> None:
         self._queue, self._failed = queue, failed
-        self._worker = Worker()
-        self.stop = self._worker.stop
-        self.close = self._worker.close
+        self._workers = {in_process: Worker() for in_process in (True, False)}
 
     @property
     def busy(self) -> bool:
         """Whether a task is running or waiting."""
-        return self._worker.busy
+        return any(worker.busy for worker in self._workers.values())
+
+    def stop(self, kind: type[Task[Any]] = Task) -> None:
+        """Ask running tasks of this class to stop, and drop the waiting ones."""
+        for worker in self._workers.values():
+            worker.stop(kind)
+
+    def close(self) -> None:
+        """Stop everything and end the child process."""
+        for worker in self._workers.values():
+            worker.close()
 
     def start(
         self,
@@ -98,4 +110,5 @@ class TaskRunner:
             elif event.kind == "stopped":
                 stopped()
 
-        self._worker.submit(task, lambda event: self._queue.call(act, event))
+        worker = self._workers[task.in_process]
+        worker.submit(task, lambda event: self._queue.call(act, event))
