@@ -12,7 +12,7 @@ from flexviz.diagnosis import Diagnosis, Step
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.results import Verdict
-from flexviz.session import HISTORY, Session, with_roles
+from flexviz.session import HISTORY, Analysis, Session, with_roles
 from tests.small_set import write_small_set
 
 
@@ -96,6 +96,28 @@ def test_unknown_group_or_role(measurements: MeasurementSet) -> None:
 def diagnosis(verdict: Verdict = "missing", error: float = 1.0) -> Diagnosis:
     step = Step(None, (error, error), (error, error), verdict)
     return Diagnosis("set", verdict, (), (), (step,), (), (), 0.1)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"observer": "eso"},
+        {"bandwidth": 80.0},
+        {"refine": True},
+        {"effects": ("coulomb_friction:joint1",)},
+        {"roles": ()},
+    ],
+)
+def test_a_verdict_belongs_to_one_model_observer_and_data(measurements: MeasurementSet, other: Any) -> None:
+    found = Analysis.start(measurements).with_diagnosis(diagnosis())
+    assert found.current_diagnosis is found.diagnosis
+    changed = replace(found, **other)
+    assert changed.current_diagnosis is None and changed.diagnosis is found.diagnosis
+    assert replace(changed, **{name: getattr(found, name) for name in other}).diagnosis_up_to_date
+    # older sessions know data and model only
+    assert found.diagnosed is not None
+    old = replace(found, diagnosed=found.diagnosed[:3])
+    assert old.diagnosis_up_to_date and replace(old, bandwidth=80.0).diagnosis_up_to_date
 
 
 def test_undo_brings_back_diagnosis_and_result_without_computing(measurements: MeasurementSet) -> None:

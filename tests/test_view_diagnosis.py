@@ -18,6 +18,7 @@ from flexviz.diagnosis import (
     Evidence,
     Finding,
     FreeCurve,
+    PredictionErrors,
     ResidualLocation,
     ResidualMap,
     Step,
@@ -94,7 +95,9 @@ def test_the_verdict_begins_as_agreed() -> None:
 
 def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
     assert "Find the missing effect" in verdict_html(None)
-    assert "have changed since" in verdict_html(DIAGNOSIS, up_to_date=False)
+    old = verdict_html(replace(DIAGNOSIS, stopped=True), up_to_date=False)
+    assert "<s>Missing: Coulomb friction on joint2." in old and "look again" in old
+    assert "Stopped before the end" not in old  # nothing else is said of another model
     assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
     low = tuple(ParameterEstimate("motor_inertia", joint, 1e-3, 1.0, "kg m²", 1.0, "no") for joint in JOINTS)
     assert "joint torque sensor" in verdict_html(replace(DIAGNOSIS, parameters=low))
@@ -187,6 +190,13 @@ def test_stairs_fall_and_say_what_was_added() -> None:
         "validation",
     ]
     assert staircase_charts((), 0, JOINTS)[0].note == NO_STEPS and staircase_html((), JOINTS) == ""
+    last = model_steps[-1].step
+    worse = tuple(2 * value for value in last.rms_validation or last.rms)
+    run = PredictionErrors(last.rms, worse, (), last.noise_floor, np.zeros((0, 2)))
+    table = staircase_html(model_steps, JOINTS, run=("Run: eso, 80 rad/s", run))
+    assert table.count("▲ rises") == 1 and table.count("● shown") == 1
+    assert table.index("Run: eso, 80 rad/s") < table.index("● shown, not diagnosed")
+    assert "Run: eso" in staircase_html((), JOINTS, run=("Run: eso", run))  # nothing is diagnosed yet
 
 
 def residuals(n: int = 2000) -> Any:

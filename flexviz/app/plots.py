@@ -66,12 +66,13 @@ class PlotPanel:
         page.style(hidden, page.client_text(PICTURE_LABEL, self._save_picture))
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
+        self._compared: object = None  # what the staircase shows
         self._stale = False  # some iterations are not drawn yet
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         timed = selected | Changed.SPAN
         store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
         store.subscribe(timed | Changed.RESULT | Changed.DERIVED, self._draw_signals)
-        store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS, self._draw_compare)
+        store.subscribe(selected | Changed.ANALYSIS | Changed.DERIVED, self._draw_compare)
         fit = Changed.OPENED | Changed.FIT | Changed.RESULT | Changed.DERIVED
         store.subscribe(fit, self._iterated)
         store.subscribe(
@@ -116,8 +117,15 @@ class PlotPanel:
         joints, spread = store.measurements.joints, store.measurements.torque_spread
         result, shown = store.analysis.identification, len(store.analysis.model_steps) - 1
         parameters = result.parameters if result else ()
+        errors = store.derived.errors
+        fresh = store.analysis.up_to_date and not store.analysis.diagnosis_up_to_date
+        run = (view.run_name(result), errors) if fresh and result and errors else None
+        drawn = [*map(id, models)], store.joint, id(result), run and id(errors), shown
+        if drawn == self._compared:
+            return  # a slider of another step is dragged
+        self._compared = drawn
         self._compare.show(view.staircase_charts(models, store.joint, joints, spread))
-        self._steps.content = view.staircase_html(models, joints, spread, parameters, shown)
+        self._steps.content = view.staircase_html(models, joints, spread, parameters, shown, run)
         self._ends = [last for _, _, last in view.model_runs(models, joints)] if models else []
         self._models.visible = self._beside.visible = len(self._ends) > 1
         if len(self._ends) > 1:

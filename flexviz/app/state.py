@@ -21,7 +21,7 @@ from flexviz.session import Session
 from flexviz.simulation import Run
 
 KEPT_RESULTS = 8  # with simulated motions and maps
-Tone = Literal["", "busy", "bad"]
+Tone = Literal["", "busy", "warn", "bad"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ CSS = """
 .fv-status { margin: 0 0.75em 0.5em; padding: 0.35em 0.6em; border-left: 3px solid #009E73;
   background: rgba(128, 128, 128, 0.12); overflow-wrap: anywhere; }
 .fv-status.busy { border-color: #0072B2; }
-.fv-status.bad { border-color: #D55E00; }
+.fv-status.bad { border-color: #D55E00; } .fv-status.warn { border-color: #E69F00; }
 .fv.fv-warn { margin: 0.2em 0.75em 0.5em; padding: 0 0 0 0.5em; }
 .fv-table { border-collapse: collapse; width: 100%; font-size: 11.5px; font-variant-numeric: tabular-nums; }
 .fv-table th { font-weight: 500; color: var(--mantine-color-dimmed); text-align: right; padding: 1px 3px; }
@@ -44,6 +44,8 @@ CSS = """
   border: 1px solid #999; border-left-width: 4px; }
 .fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }
 .fv-verdict.nothing-missing { border-color: #009E73; }
+.fv-rises { color: #D55E00; font-weight: 600; white-space: nowrap; }
+.fv-old { font-weight: 400; } .fv-old s { color: var(--mantine-color-dimmed); }
 .fv-so-far { margin: 0.1em 0.75em 0.5em; padding: 0.45em 0.6em; border-radius: 4px; border: 1px dashed #999; }
 div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-hatched { background: repeating-linear-gradient(135deg, #8886 0 1px, transparent 1px 6px); }

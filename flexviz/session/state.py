@@ -122,13 +122,17 @@ class Analysis:
 
     @property
     def diagnosis_settings(self) -> tuple[Any, ...]:
-        """Everything a diagnosis depends on; it chooses observer and stages itself."""
-        return (self.path, self.roles, self.effects)
+        """What a verdict is about: data, model, and the observer and stages with which it was identified.
+
+        The diagnosis chooses observer and stages itself; but what it says is not true of other values.
+        """
+        return (self.path, self.roles, self.effects, *self.tuning, self.refine)
 
     @property
     def diagnosis_up_to_date(self) -> bool:
         """Whether the last diagnosis belongs to the current settings."""
-        return self.diagnosis is not None and self.diagnosed == self.diagnosis_settings
+        known = self.diagnosed or ()  # older sessions: data and model only
+        return self.diagnosis is not None and bool(known) and known == self.diagnosis_settings[: len(known)]
 
     @property
     def current_diagnosis(self) -> Diagnosis | None:

@@ -44,7 +44,14 @@ from flexviz.view.residuals import (
     time_residual,
 )
 from flexviz.view.shape_charts import shape_charts
-from flexviz.view.staircase import model_name, model_runs, staircase_chart, staircase_charts, staircase_html
+from flexviz.view.staircase import (
+    model_name,
+    model_runs,
+    run_name,
+    staircase_chart,
+    staircase_charts,
+    staircase_html,
+)
 from flexviz.view.status import error_text, next_step, shown_errors, status_html, step_line_html, steps_done
 from flexviz.view.tables import (
     check_html,

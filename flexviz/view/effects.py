@@ -163,16 +163,16 @@ def verdict_html(
     skipped = (*(SAID_AS_SHARES if spread else ()), *(["free-curve"] if diagnosis.free_curve else []))
     verdict = verdict_text(diagnosis, joints=joints, worst=worst)
     told = [n.text for n in diagnosis.notes if n.kind not in skipped and n.text not in verdict]
+    if not up_to_date:
+        return (
+            f'<div class="fv fv-verdict fv-old"><s>{escape(verdict)}</s><div class="fv-warn">Of an earlier '
+            "model, observer or choice of groups: press Find the missing effect to look again.</div></div>"
+        )
     texts = [*([left] if left and diagnosis.verdict == "unknown" else []), *told]
     notes = "".join(f'<div class="fv-dim">{escape(capitalised(text))}.</div>' for text in texts)
     notes += "".join(f'<div class="fv-warn">{escape(hint)}</div>' for hint in hints(diagnosis.parameters))
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: these are the findings so far.</div>'
-    if not up_to_date:
-        notes += (
-            '<div class="fv-warn">The model or the groups have changed since: press Find the missing effect.'
-            "</div>"
-        )
     return f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict)}</div>' + (
         f'<div class="fv">{notes}</div>' if notes else ""
     )

@@ -10,9 +10,9 @@ import numpy as np
 
 from flexviz import wording
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
-from flexviz.diagnosis import BAND_HERTZ, Step
+from flexviz.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.effects import free_curve
-from flexviz.identification import ParameterEstimate
+from flexviz.identification import Identification, ParameterEstimate
 from flexviz.session import ModelStep
 
 NO_STEPS = (
@@ -31,6 +31,7 @@ KEY = (
 MAX_GROUPS = 10  # drawn
 NOT_PHYSICS = "hatched: not physics"
 HATCH_POINTS = 26  # of the zigzag in a hatched step
+RISE = 1.01  # times the error before, from which a row is said to rise
 ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
 
 
@@ -183,39 +184,55 @@ def staircase_html(
     spread: Sequence[float] = (),
     parameters: Sequence[ParameterEstimate] = (),
     shown: int = -1,
+    run: tuple[str, PredictionErrors] | None = None,
 ) -> str:
     """The errors of the steps as bars and numbers; effects of one kind unfold to their values per joint.
 
-    `shown` is the model that the rest of the page shows.
+    Args:
+        model_steps: the models.
+        joints: of the robot.
+        spread: of each joint's torque, shape (n,) [Nm].
+        parameters: of the model that is shown.
+        shown: the model that the rest of the page shows.
+        run: an identification that no diagnosis has judged, which is shown instead: its name and errors.
     """
-    if not model_steps:
+    if not model_steps and run is None:
         return ""
-    rows = []
-    top = max(one_error(row, None, spread) for one in model_steps for row in _judged(one.step))
-    for count, (name, texts, last) in enumerate(model_runs(model_steps, joints)):
-        step = model_steps[last].step
+    rows, before = [], math.inf
+    judged = [one.step for one in model_steps] + ([run[1]] if run else [])
+    top = max(one_error(row, None, spread) for step in judged for row in _judged(step))
+
+    def add(label: str, step: Step | PredictionErrors, hatched: bool) -> None:
+        nonlocal before
+        error = one_error(_judged(step)[-1], None, spread)
+        rises, before = error > RISE * before, error
+        mark = ' <span class="fv-rises">▲ rises</span>' if rises else ""
+        cells = "".join(_error_cell(row, spread) for row in (step.rms, step.rms_validation))
+        rows.append(f"<tr><td>{label}{mark}</td>{cells}</tr>")
+        rows.append(f'<tr><td colspan="3">{_bars(step, spread, top, hatched)}</td></tr>')
+
+    for count, (name, texts, last) in enumerate(model_runs(model_steps, joints) if model_steps else ()):
         own = [wording.effect_text_name(text) for text in model_steps[0].effects]
         what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
         found = "".join(f"<div>{wording.escape(text)}</div>" for text in effect_values(texts, parameters))
         label = f"{count}. {wording.escape(what)}"
-        if last == shown:
+        if last == shown and run is None:
             label = f"<b>{label}</b> ● shown"
         stopgap = any(map(is_stopgap, texts))
         if stopgap:
             label = f'<span class="fv-hatched">{label}</span>'
         if found:
             label = f"<details><summary>{label}</summary>{found}</details>"
-        held_out = step.rms_validation
-        cells = (step.rms, held_out)
-        rows.append(f"<tr><td>{label}</td>{''.join(_error_cell(row, spread) for row in cells)}</tr>")
-        rows.append(f'<tr><td colspan="3">{_bars(step, spread, top, stopgap)}</td></tr>')
-    last_step = model_steps[-1].step
+        add(label, model_steps[last].step, stopgap)
+    if run is not None:
+        add(f"<b>{wording.escape(run[0])}</b> ● shown, not diagnosed", run[1], False)
+    last_step = judged[-1]
     if last_step.noise_floor:
         floor = _error_cell(last_step.noise_floor, spread)
         rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
     unit = "% of the torque" if spread else "Nm"
-    judged = last_step.rms_validation or last_step.rms
-    left = f"Largest: {wording.left_text(joints, judged, spread, last_step.noise_floor)}. " if spread else ""
+    error = last_step.rms_validation or last_step.rms
+    left = f"Largest: {wording.left_text(joints, error, spread, last_step.noise_floor)}. " if spread else ""
     return (
         f'<div class="fv"><table class="fv-table"><tr><th>Error [{unit}]</th><th>fit</th><th>validation</th>'
         f'</tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{wording.escape(left)}'
@@ -223,12 +240,21 @@ def staircase_html(
     )
 
 
-def _judged(step: Step) -> list[Sequence[float]]:
+def run_name(result: Identification) -> str:
+    """ "Run: eso, 80 rad/s"."""
+    width = wording.listed(
+        [wording.number(float(w), 3) for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())]
+    )
+    refined = ", refined" if result.refined else ""
+    return f"Run: {result.observer_name}, {width} rad/s{refined}"
+
+
+def _judged(step: Step | PredictionErrors) -> list[Sequence[float]]:
     """Errors of the fitted and of the validation groups, as far as they are known."""
     return [row for row in (step.rms, step.rms_validation) if row]
 
 
-def _bars(step: Step, spread: Sequence[float], top: float, hatched: bool) -> str:
+def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, hatched: bool) -> str:
     """Bars from zero: fit above held out; the dotted line is the noise floor; of a free curve hatched."""
     floor = one_error(step.noise_floor, None, spread) if step.noise_floor else math.nan
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""

@@ -60,7 +60,7 @@ def error_text(
 
 
 def status_html(step: str, message: str, error: str, tone: str = "") -> str:
-    """The status line: step, message and error; `tone` is "", "busy" or "bad"."""
+    """The status line: step, message and error; `tone` is "", "busy", "warn" or "bad"."""
     parts = (f"Step {step}", message, error)
     text = "&nbsp;· ".join(escape(part) for part in parts if part)
     text = re.sub(r"\(?\d[\d.]* (?:s|Nm|%)(?!\w)\)?", r"<span>\g<0></span>", text)  # unbroken
@@ -96,4 +96,4 @@ def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
 def steps_done(analysis: Analysis) -> tuple[str, ...]:
     """The completed steps."""
     done = ("Data", "Observer", "Identify") if analysis.identification is not None else ()
-    return (*done, "Diagnose") if analysis.diagnosis is not None else done
+    return (*done, "Diagnose") if analysis.diagnosis_up_to_date else done

@@ -16,7 +16,7 @@ from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.session import Session, save_session
-from tests.browser.page import SOON, button, leave_the_plots, press, status, tab, until, well_laid_out
+from tests.browser.page import SOON, button, leave_the_plots, press, row, status, tab, until, well_laid_out
 from tests.found import COULOMB, CURVE, DIAGNOSIS
 
 pytestmark = pytest.mark.browser
@@ -80,9 +80,30 @@ def test_what_a_diagnosis_offers(
     with zipfile.ZipFile(tmp_path / "motion.zip") as packed:
         assert {"d1.csv", "d1.yaml", "summary.txt"} <= set(packed.namelist())
 
+    # a verdict belongs to one model, observer and data: of another observer it is struck through
+    verdict = page.locator(".fv-verdict")
+    assert page.locator(".fv-verdict s").count() == 0
+    button(page, "Observer").click()
+    typed = row(page, "exactly").get_by_role("textbox")
+    typed.fill("80")
+    typed.press("Enter")
+    button(page, "Identify").click()
+    button(page, "Run").click()
+    until(lambda: "iterations in" in status(page), what="a result")
+    tab(page, "Compare").click()
+    until(lambda: "● shown, not diagnosed" in page.inner_text("body"), what="the run in the staircase")
+    button(page, "Diagnose").click()
+    assert page.locator(".fv-verdict s").count() == 1 and "look again" in verdict.inner_text()
+    assert "Done" not in page.locator(".fv-steps").inner_text()
+    assert "What stays" not in page.inner_text("body") and finding.count() == 0
+    shot(page, "stale")
+    well_laid_out(page)
+    for _ in range(2):  # the result and the bandwidth
+        button(page, "Undo").click()
+    until(lambda: page.locator(".fv-verdict s").count() == 0, what="the verdict again")
+
     # under "Unknown" the free curve is added as a hatched step, and taken back
     button(page, "Undo").click()
-    verdict = page.locator(".fv-verdict")
     until(lambda: verdict.inner_text().startswith("Unknown:"), what="the verdict before")
     tab(page, "Compare").click()
     offered = page.get_by_role("button", name="Add the free curve")

@@ -17,6 +17,7 @@ from flexviz.app.style import wide_label
 from flexviz.app.tasks import CheckParameters, Identify
 from flexviz.effects import EFFECTS
 from flexviz.identification import Identification
+from flexviz.results import hints
 from flexviz.session import Settings
 from flexviz.wording import effect_text_name, effect_title, escape, number, plural
 
@@ -99,8 +100,9 @@ class IdentifyStep(WorkflowStep):
         count = plural(len(result.iterations), "iteration")
         how = "stopped" if result.stopped else "converged" if result.converged else "did not converge"
         message = f": {result.message}" if result.message and not result.converged else ""
-        text = f"{how} after {count} in {number(result.seconds, 3)} s{message}"
-        self.store.say(text, "" if result.converged else "bad")
+        told = hints(result.parameters)
+        text = ". ".join([f"{how} after {count} in {number(result.seconds, 3)} s{message}", *told])
+        self.store.say(text, "bad" if not result.converged else "warn" if told else "")
 
     def _draw_table(self) -> None:
         result, truth = self.store.analysis.identification, self.store.opened.truth

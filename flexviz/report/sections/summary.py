@@ -126,7 +126,7 @@ def warnings(content: ReportContent) -> list[str]:
             "data."
         )
     elif analysis.diagnosis is not None and content.diagnosis is None:
-        out.append("Model or groups have changed since the last diagnosis, which is not shown.")
+        out.append("Model, observer or groups have changed since the last diagnosis, which is not shown.")
     if analysis.identification is not None and content.identification is None:
         out.append("The settings have changed since the last identification, which is not shown.")
     if content.diagnosis is not None and content.diagnosis.stopped:
