@@ -154,7 +154,7 @@ class PlotPanel:
 
 
 class ResidualTab:
-    """The tab "Where it fails": residual maps, curves and a highlighted range."""
+    """The tab "Where it fails": laws through their data, residual maps, curves, a highlighted range."""
 
     def __init__(self, store: Store, page: Page, tab: Any) -> None:
         self._store = store
@@ -195,9 +195,9 @@ class ResidualTab:
             residual = replace(residual, highlights=view.stretches_of(marked.time, marked.marked))
         self._stopgap.content = view.free_html(store.free_curve)
         own = view.model_curve_charts(result.parameters) if result else ()
-        self.charts.show(
-            (*own, view.free_chart(store.free_curve), residual, *view.map_charts(store.maps, name))
-        )
+        laws = view.law_charts(store.analysis.current_diagnosis, store.derived.laws, name)
+        free = view.free_chart(store.free_curve)
+        self.charts.show((*laws, *own, free, residual, *view.map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 
