@@ -31,6 +31,7 @@ from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 
 BINS = (32, 16, 8)
+PRIOR = 0.3  # of the joint's torque or deflection: how far a bin may lie from the law
 CLEAR = 0.05  # of the law's size: noise of a bin above which there are fewer bins
 ROBUST_STEPS, HUBER, MEDIAN = 5, 2.0, 0.6745  # MEDIAN: of |x| relative to the standard deviation
 SAMPLE_STEP = 1 / (8 * WIDE_HERTZ)  # [s] of the residual
@@ -38,13 +39,15 @@ LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of 
 MODEL_ERROR = 5e-4  # of a joint's torque spread at 50 samples a second, added to the noise
 ERROR_STEP = 0.02  # [s] of those samples
 HIGHEST_HERTZ = 8.0  # of the residual: above, products of filtered signals err more than the sensors
+TOGETHER = 0.25  # [s] over which what the model leaves is correlated
 TAPER = 0.4  # [s] at both ends of a stretch, where filters and whitening have not settled
 FEWEST = 3  # instants of the fine grid in a bin
+SHOWN = 0.25  # of the law's size: a bin with more noise shows nothing and is left out
 
 
 @dataclass(frozen=True, eq=False)
 class LawThroughData:
-    """One law and its binned partial residuals; arrays have shape (B,), the bins without instants left out.
+    """One law and its binned partial residuals; arrays have shape (B,), bins that show nothing left out.
 
     Attributes:
         effect, joint, group, payload: the effect, and the joint on which it is drawn.
@@ -52,7 +55,8 @@ class LawThroughData:
         quantity, quantity_unit: the vertical axis.
         at: mean of the variable in each bin.
         law, law_std: mean of the law in each bin, and its standard error from the parameters' covariance.
-        data, noise: partial residual in each bin, and its standard error from the sensors' noise.
+        data, data_std: partial residual in each bin, and its standard error from what the model leaves.
+        noise: the part of that standard error that stems from the sensors' noise.
         count: instants of the fine grid in each bin.
         leftover: rms of what bins and model leave, relative to the sensors' noise.
     """
@@ -69,6 +73,7 @@ class LawThroughData:
     law: Array
     law_std: Array
     data: Array
+    data_std: Array
     noise: Array
     count: Array
     leftover: float
@@ -78,11 +83,6 @@ class LawThroughData:
         """Mean square of data − law relative to noise and the law's own error; 1 for the right law."""
         squares = (self.data - self.law) ** 2 / (self.noise**2 + self.law_std**2)
         return float(np.mean(squares)) if len(squares) else 1.0
-
-    @property
-    def data_std(self) -> Array:
-        """Standard error of the data, with what the model leaves beside the sensors' noise; shape (B,)."""
-        return self.noise * max(self.leftover, 1.0)
 
 
 def laws_of(
@@ -130,7 +130,9 @@ class _Drawing:
         self._chain = Chain(x[layout.compliance], x[layout.link_viscous], link)
         paths = noise_paths(layout, x, link)
         sensors = segments_noise([b.segment for b in signals.blocks])
-        error = 2 * ERROR_STEP * (MODEL_ERROR * np.array(measurements.torque_spread)) ** 2  # [Nm²/Hz]
+        spread = np.array(measurements.torque_spread)
+        self._size = PRIOR * np.stack((spread, spread * x[layout.compliance]))  # (2, n) [Nm], [rad]
+        error = 2 * ERROR_STEP * (MODEL_ERROR * spread) ** 2  # [Nm²/Hz]
         self._weights, self._lines = [], 0.0
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step
@@ -186,18 +188,23 @@ class _Drawing:
         law = sums(np.concatenate([one.u for one in stretches]) * weight)[used] / power[used]
         slope = np.array([sums(row * weight)[used] / power[used] for row in np.concatenate(slopes, axis=1)])
         law_std = np.sqrt(np.maximum(np.einsum("pb,pq,qb->b", slope, covariance, slope), 0.0))
-        prior = float(np.ptp(law) + np.abs(law).max(initial=1e-12)) if used.any() else 1.0
-        left, noise, leftover = self._left(kind.entry, joint, index, per, np.flatnonzero(used), prior)
+        size = np.ptp(law) + np.abs(law).max(initial=1e-12) if used.any() else 1.0
+        prior = max(
+            float(size), self._size[int(kind.entry == "deflection"), joint] / np.sqrt(np.mean(weight**2))
+        )
+        left, noise, std, leftover = self._left(kind.entry, joint, index, per, np.flatnonzero(used), prior)
+        kept = noise <= max(SHOWN * float(size), float(noise.min(initial=np.inf)))
         sign, quantity, unit = _vertical(variable, kind.entry == "deflection")
         return LawThroughData(
             effect.effect, name, effect.group, effect.payload, f"{variable.label} of {name}", variable.unit,
-            quantity, unit, centres, sign * law, law_std, sign * (law + left), noise, count[used], leftover,
+            quantity, unit, centres[kept], sign * law[kept], law_std[kept], sign * (law + left)[kept],
+            std[kept], noise[kept], count[used][kept], leftover,
         )  # fmt: skip
 
     def _left(
         self, entry: str, joint: int, index: list[Indices], per: list[Array], used: Indices, prior: float
-    ) -> tuple[Array, Array, float]:
-        """a and its standard error (B,) in the bins `used`, and what is left relative to the noise.
+    ) -> tuple[Array, Array, Array, float]:
+        """a (B,) in the bins `used`, its standard errors from noise and residual, and the leftover.
 
         Instants at which the law jumps within the noise of its signals err most: large residuals count less.
         """
@@ -209,10 +216,13 @@ class _Drawing:
         for _ in range(ROBUST_STEPS):
             inverse = np.linalg.inv((columns.T * weight) @ columns + np.eye(len(used)) / prior**2)
             found = -inverse @ (columns.T @ (weight * left))
-            rest = np.abs(left + columns @ found)
-            leftover = float(np.median(rest)) / (MEDIAN * scale)
-            weight = np.minimum(1.0, HUBER * scale * max(leftover, 1.0) / np.maximum(rest, 1e-12))
-        return found, np.sqrt(np.diag(inverse)), leftover
+            rest = left + columns @ found
+            leftover = float(np.median(np.abs(rest))) / (MEDIAN * scale)
+            weight = np.minimum(1.0, HUBER * scale * max(leftover, 1.0) / np.maximum(np.abs(rest), 1e-12))
+        score = (columns * (weight * rest)[:, None]).reshape(self._signals.count, -1, len(used)).sum(axis=1)
+        score = np.add.reduceat(score, np.arange(0, len(score), round(TOGETHER / SAMPLE_STEP)))
+        noise, seen = np.diag(inverse), np.sum((score @ inverse) ** 2, axis=0)
+        return found, np.sqrt(noise), np.sqrt(np.maximum(noise, seen)), leftover
 
     def _acts(self, effect: ChosenEffect, block: int) -> float:
         """Whether an effect acts in a stretch: an episode in one group, a payload where it is carried."""
@@ -285,4 +295,4 @@ def _vertical(variable: LawVariable, deflection: bool) -> tuple[float, str, str]
     if deflection:
         return -1.0, "deflection beyond s/K", "rad"
     per = f"/({variable.per_unit})" if "/" in variable.per_unit else f"/{variable.per_unit}"
-    return 1.0, variable.quantity or "torque", f"Nm{per if variable.per_unit else ''}"
+    return 1.0, variable.quantity or "opposing torque", f"Nm{per if variable.per_unit else ''}"
