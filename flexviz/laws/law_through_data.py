@@ -137,7 +137,7 @@ class _Drawing:
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step
             length = quick_length(2 * (rows.stop - rows.start))
-            hertz = np.fft.rfftfreq(length, step * block.stride)
+            hertz: Array = np.fft.rfftfreq(length, step * block.stride)
             here = [path.rows(rows) for path in paths]
             density = noise_density(here, sensors, observer.transfer, step, hertz)
             inside = (hertz < HIGHEST_HERTZ)[:, None]
@@ -180,7 +180,7 @@ class _Drawing:
         inside = whole >= 0
 
         def sums(column: Array) -> Array:
-            return np.bincount(whole[inside], column[inside], bins)
+            return np.bincount(whole[inside], column[inside], bins).astype(float)
 
         count, power = sums(np.ones(len(whole))), sums(weight**2)
         used = (count >= FEWEST) & (power > 0)
@@ -212,7 +212,8 @@ class _Drawing:
         depth = 1 if entry in ("residual", "gravity") else 3
         filtered = self._point.context.filtered(parts, joint, depth)[..., None]
         columns = self._whitened(self._chain.columns(entry, (joint,), filtered)).reshape(-1, len(used))
-        left, weight, scale = self._residual.ravel(), 1.0, np.sqrt(self._lines / self._residual.size)
+        left, weight = self._residual.ravel(), np.ones(self._residual.size)
+        scale = np.sqrt(self._lines / self._residual.size)
         for _ in range(ROBUST_STEPS):
             inverse = np.linalg.inv((columns.T * weight) @ columns + np.eye(len(used)) / prior**2)
             found = -inverse @ (columns.T @ (weight * left))
