@@ -49,6 +49,7 @@ LAYERS = (
     ("equation",),
     ("estimation",),
     ("identification",),
+    ("laws",),
     ("diagnosis",),
     ("simulation", "session", "importing"),
     ("designing",),

@@ -1,4 +1,4 @@
-"""Idle work: errors, simulated motion and residual maps of the identified model."""
+"""Idle work: errors, laws, simulated motion and residual maps of the identified model."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Any
 
 from flexviz.app.state import Changed, Derived, Turn
 from flexviz.app.store import Store
-from flexviz.app.tasks import IdleTask, JudgeErrors, MapResiduals, Replay
+from flexviz.app.tasks import DrawLaws, IdleTask, JudgeErrors, MapResiduals, Replay
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.jobs import Result
+from flexviz.laws import LawThroughData
 from flexviz.view import solver_stages
 
 
@@ -34,6 +35,9 @@ class IdleWork:
         def mapped(maps: tuple[ResidualMap, ...]) -> None:
             derived.maps = maps
 
+        def drawn(laws: tuple[LawThroughData, ...]) -> None:
+            derived.laws = laws
+
         def judged(errors: tuple[PredictionErrors, ...]) -> None:
             derived.errors, *derived.stage_errors = errors
 
@@ -42,6 +46,9 @@ class IdleWork:
             ends = tuple(result.iterations[last] for _, _, last in solver_stages(result.iterations))
             ends = (*result.iterations[:1], *ends)
             self._start(JudgeErrors(settings, result.model, ends), derived, "errors", judged)
+        if derived.laws is None and "laws" not in derived.failed and fitted is not None:
+            settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
+            self._start(DrawLaws(settings, result.model, result.covariance), derived, "laws", drawn)
         beside = (store.beside[1],) if store.beside else ()
         for one in (derived, *beside):
             if one.result is not None and group not in one.replays and group not in one.failed:
@@ -73,7 +80,7 @@ class IdleWork:
             end()
             derived.failed.add(entry)
             if store.kept.of(derived.result) is derived:
-                what = {"maps": "mapped", "errors": "judged"}.get(entry, "simulated")
+                what = {"maps": "mapped", "laws": "drawn", "errors": "judged"}.get(entry, "simulated")
                 store.fail(f"the identified model could not be {what}: {reason}")
                 store.tell(Changed.DERIVED)
 

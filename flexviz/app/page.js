@@ -64,6 +64,22 @@ if (!window.flexvizPage) {
     box.append(button);
   }, true);
 
+  // a verdict shows the law through its data: the number of the element grows with each
+  const press = tab => {  // tabs of the dock can be dragged, and so do not listen to clicks
+    const box = tab.getBoundingClientRect(), at = { clientX: box.left + 5, clientY: box.top + 5 };
+    ['pointerdown', 'pointerup'].forEach(kind => tab.dispatchEvent(new PointerEvent(
+      kind, { bubbles: true, pointerId: 1, isPrimary: true, buttons: Number(kind === 'pointerdown'), ...at })));
+  };
+  let turn = null;
+  setInterval(() => {
+    const shown = document.querySelector('[data-fv-turn]'), now = shown && shown.dataset.fvTurn;
+    if (now && turn !== null && now !== turn) {
+      const tabs = [...document.querySelectorAll('[role=tab]')];
+      tabs.filter(one => one.textContent.trim() === shown.dataset.fvTab).forEach(press);
+    }
+    turn = now || turn;
+  }, 200);
+
   // uPlot rounds to thousandths, and all smaller values would read 0
   const usual = new Intl.NumberFormat(undefined, { maximumSignificantDigits: 6 });
   const number = value => {

@@ -16,6 +16,7 @@ from flexviz.app.style import hidden
 from flexviz.app.uplot import ChartColumn
 from flexviz.batch import FleetRow
 from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
+from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.wording import mean_nrms
@@ -23,6 +24,12 @@ from flexviz.wording import mean_nrms
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider
 OFF = "nothing"
+PROOF = "Where it fails"  # label of the tab with the laws through their data
+
+
+def turn_html(count: int) -> str:
+    """What the page's script reads: the tab to show, and a number that grows each time."""
+    return f'<i data-fv-tab="{PROOF}" data-fv-turn="{count}" style="display: none"></i>'
 
 
 class PlotPanel:
@@ -37,7 +44,9 @@ class PlotPanel:
         self._signals, self._states, self._convergence = (
             ChartColumn(page.server, panel.add_tab(label)) for label in ("Signals", "States", "Convergence")
         )
-        self.residuals = ResidualTab(store, page, panel.add_tab("Where it fails"))
+        self._turn: tuple[int, Diagnosis | None] = (0, None)  # of the tab to the proof of a verdict
+        self._tab = page.gui.add_html(turn_html(0))
+        self.residuals = ResidualTab(store, page, panel.add_tab(PROOF))
         compare = panel.add_tab("Compare")
         with compare:
             self._steps = page.gui.add_html("")
@@ -62,12 +71,13 @@ class PlotPanel:
                 )
                 act = partial(self._save, name, column)
                 column.button = page.client_button("Save plots", act, visible=False, hint=hint)
-        self._columns = columns
+        self._columns = (*columns, self.residuals.laws)
         page.style(hidden, page.client_text(PICTURE_LABEL, self._save_picture))
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
         self._compared: object = None  # what the staircase shows
         self._stale = False  # some iterations are not drawn yet
+        store.subscribe(Changed.DIAGNOSIS, self._show_proof)
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         timed = selected | Changed.SPAN
         store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
@@ -95,6 +105,15 @@ class PlotPanel:
             raise InputError("this plot is not shown any more")
         svg = draw_svg(found, found.key, PICTURE)
         self._page.send_picture(client, svg, title, f"{chart_name(found)}.png")
+
+    def _show_proof(self) -> None:
+        """Turn to the laws of what a new diagnosis has found."""
+        count, before = self._turn
+        diagnosis = self._store.analysis.current_diagnosis
+        if diagnosis is not None and diagnosis is not before and any(one.law for one in diagnosis.findings):
+            count += 1
+            self._tab.content = turn_html(count)
+        self._turn = count, diagnosis
 
     def _draw_states(self) -> None:
         store = self._store
@@ -162,13 +181,14 @@ class PlotPanel:
 
 
 class ResidualTab:
-    """The tab "Where it fails": residual maps, curves and a highlighted range."""
+    """The tab "Where it fails": laws through their data, residual maps, curves, a highlighted range."""
 
     def __init__(self, store: Store, page: Page, tab: Any) -> None:
         self._store = store
         self._of: tuple[Identification | None, int] | None = None  # result and joint of the samples
         self._samples: view.ResidualSamples | None = None
         gui = page.gui
+        self.laws = ChartColumn(page.server, tab)
         with tab:
             self._map = gui.add_html("")
             self._groups = gui.add_html("")
@@ -203,9 +223,9 @@ class ResidualTab:
             residual = replace(residual, highlights=view.stretches_of(marked.time, marked.marked))
         self._stopgap.content = view.free_html(store.free_curve)
         own = view.model_curve_charts(result.parameters) if result else ()
-        self.charts.show(
-            (*own, view.free_chart(store.free_curve), residual, *view.map_charts(store.maps, name))
-        )
+        self.laws.show(view.law_charts(store.analysis.current_diagnosis, store.derived.laws, name))
+        free = view.free_chart(store.free_curve)
+        self.charts.show((*own, free, residual, *view.map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 

@@ -14,6 +14,7 @@ import numpy as np
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.identification import Identification
 from flexviz.jobs import Task
+from flexviz.laws import LawThroughData
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.progress import Iteration
 from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_motion, with_replay
@@ -89,9 +90,10 @@ class Derived:
     result: Identification | None
     replays: dict[str, Run] = field(default_factory=dict)  # group -> simulated model
     maps: tuple[ResidualMap, ...] = ()
+    laws: tuple[LawThroughData, ...] | None = None  # of the model's effects
     errors: PredictionErrors | None = None
     stage_errors: list[PredictionErrors] = field(default_factory=list)  # at the start, after each stage
-    failed: set[str] = field(default_factory=set)  # groups, "maps" or "errors" that could not be computed
+    failed: set[str] = field(default_factory=set)  # groups, or fields above, that could not be computed
 
     def motion(self, measurements: MeasurementSet, group: Group) -> RobotMotion:
         """The measured motion of a group and, once it is simulated, that of the model."""

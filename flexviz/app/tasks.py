@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.app.state import Opened
 from flexviz.diagnosis import (
@@ -25,6 +26,7 @@ from flexviz.errors import Cancelled, InputError
 from flexviz.identification import Identification, SweepResult, identify, sweep
 from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
+from flexviz.laws import LawThroughData, laws_of
 from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
@@ -255,6 +257,18 @@ class JudgeErrors(IdleTask["tuple[PredictionErrors, ...]"]):
         analysis = self.analysis
         found = errors_along(chosen_set(analysis), self.model, analysis.effects, self.ends)
         return tuple(replace(errors, residual=errors.residual[:0]) for errors in found)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawLaws(IdleTask["tuple[LawThroughData, ...]"]):
+    """The laws of a model's effects through the data; covariance (P, P) of its parameters."""
+
+    analysis: Analysis
+    model: FlexibleModel
+    covariance: NDArray[np.float64]
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[LawThroughData, ...]:
+        return laws_of(chosen_set(self.analysis), self.model, self.analysis.effects, self.covariance)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from flexviz.charts.chart import (
     DASHED,
     DASHES,
+    PREFIXES,
     TIME,
     Chart,
     ChartAxis,

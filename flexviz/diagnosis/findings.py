@@ -21,6 +21,7 @@ from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
+from flexviz.laws import laws_through_data
 from flexviz.parallel import shared
 from flexviz.results import Absorbed, Family, Tie, Verdict
 from flexviz.wording import step_shares
@@ -73,6 +74,7 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
     left = np.zeros(n) if end.at_noise else view.above_by_joint(end.coarse) * view.significant(end.coarse)
     for curve in end.curves:
         left[curve.place.own_joint] += max(gains[curve].delta, 0.0)
+    laws = laws_through_data(course.measurements, last.layout, last.x, last.covariance.matrix)
     shares = step_shares([stair.errors for stair in stairs], course.measurements.torque_spread)[1:]
     for (before, after), share in zip(pairwise(stairs), shares, strict=True):
         effect = after.added
@@ -86,7 +88,7 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
         found.append(replace(
             finding(effect, before, after, last, course.band), confidence=sure / several, family=family,
             inseparable_from=tied, gain=float(need.delta), absorbed=absorbed(before, after), share=share,
-            features=(float(need.delta), float(need.error), beside),
+            features=(float(need.delta), float(need.error), beside), law=laws.get(effect),
         ))  # fmt: skip
     return found
 

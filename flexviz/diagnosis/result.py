@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import free_curve
 from flexviz.identification import ParameterEstimate
+from flexviz.laws import LawThroughData
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.results import (
     Absorbed,
@@ -77,6 +78,7 @@ class Finding:
         family: the family of effects that it belongs to; None if it belongs to none.
         share: of the held-out mean squared error, relative to each joint's torque, that it removes in the
             order in which the effects are added (`flexviz.wording.step_shares`); None if unknown.
+        law: its law through the data, in the last model; None for candidates that were not added.
     """
 
     effect: str
@@ -93,6 +95,7 @@ class Finding:
     features: tuple[float, ...] = ()
     family: Family | None = None
     share: float | None = None
+    law: LawThroughData | None = None
 
     def __post_init__(self) -> None:
         named = {name: EffectParameter(*value) for name, value in self.parameters.items()}

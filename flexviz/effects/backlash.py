@@ -24,6 +24,7 @@ class Backlash(LawEffect):
     name = "backlash"
     title = "Backlash"
     where = "joint"
+    plot_against = "torque"
     explanation = (
         "Play between gear teeth: when the load changes sign, the motor moves briefly without the link."
     )

@@ -14,6 +14,7 @@ class BaseTilt(Effect):
     name = "base_tilt"
     title = "Base tilt"
     where = "load"
+    plot_against = "law"
     explanation = "The robot does not stand level, so gravity comes from a slightly different direction."
     equation = "g = Rᵀ(0, 0, −9.81),  R = Ry(tilt_y) Rx(tilt_x)"
     signature = "A residual like gravity, but shifted by a quarter turn."

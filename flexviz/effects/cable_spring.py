@@ -12,6 +12,7 @@ class CableSpring(Effect):
     name = "cable_spring"
     title = "Cable spring"
     where = "link"
+    plot_against = "link position"
     explanation = "Cables, hoses or a balancer pull the joint towards a rest angle like a spring."
     equation = "u = k_c (q − q₀)"
     signature = "A straight line against position, the same in both directions."

@@ -13,6 +13,7 @@ class CoulombFriction(LinearEffect):
     name = "coulomb_friction"
     title = "Coulomb friction"
     where = "motor"
+    plot_against = "velocity"
     explanation = "Dry friction in the motor and gear: a constant torque that always opposes the motion."
     equation = "u = f_c sign(θ̇)"
     signature = "A step at every reversal of the motor, of the same size at any speed and load."

@@ -14,6 +14,7 @@ class CoupledFriction(Effect):
     name = "coupled_friction"
     title = "Coupled friction"
     where = "motor"
+    plot_against = "sum of velocities"
     explanation = (
         "The motor of the next joint turns with both joints (coupled wrist gear): its friction acts on both."
     )

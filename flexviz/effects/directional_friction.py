@@ -13,6 +13,7 @@ class DirectionalFriction(LinearEffect):
     name = "directional_friction"
     title = "Directional friction"
     where = "motor"
+    plot_against = "velocity"
     explanation = "Viscous friction is larger in one direction, as in a gear worn on one flank."
     equation = "u = f_d |θ̇|"
     signature = (

@@ -86,6 +86,8 @@ class Effect(ABC):
         explanation: one sentence that a technician understands.
         equation: u, or the changed quantity, in the symbols of `parameters`.
         signature: its shape in a residual.
+        plot_against: the variable against which its law is drawn through the data, a key of
+            `flexviz.laws.VARIABLES`; the usual one of its side where empty.
         confirm: data that confirm it.
         simulated: its simulation, if that is not u on its side.
         reference: literature.
@@ -124,6 +126,7 @@ class Effect(ABC):
     explanation: ClassVar[str]
     equation: ClassVar[str]
     signature: ClassVar[str]
+    plot_against: ClassVar[str] = ""
     confirm: ClassVar[str]
     simulated: ClassVar[str] = ""
     reference: ClassVar[str]

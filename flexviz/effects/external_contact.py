@@ -21,6 +21,7 @@ class ExternalContact(LawEffect):
     name = "external_contact"
     title = "External contact"
     where = "load"
+    plot_against = "time"
     explanation = "Something touched or pushed the arm during part of one run."
     equation = "τ_ext = T for t₁ ≤ t ≤ t₂, in one group"
     signature = "A box in time, in one group only."

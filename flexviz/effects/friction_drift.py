@@ -13,6 +13,7 @@ class FrictionDrift(LawEffect):
     name = "friction_drift"
     title = "Friction drift"
     where = "motor"
+    plot_against = "warming time"
     explanation = (
         "Each run starts cold: viscous friction is higher at first and fades as the lubricant warms."
     )

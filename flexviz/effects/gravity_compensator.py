@@ -12,6 +12,7 @@ class GravityCompensator(Effect):
     name = "gravity_compensator"
     title = "Gravity compensator"
     where = "link"
+    plot_against = "link position"
     explanation = (
         "A gas spring, a coil spring or a counterweight that the URDF does not contain relieves the joint of "
         "gravity."

@@ -17,6 +17,7 @@ class JointDamping(LawEffect):
     name = "joint_damping"
     title = "Joint damping"
     where = "joint"
+    plot_against = "torque's rate"
     explanation = (
         "The gear's elasticity is damped: part of its torque is proportional to the deflection rate."
     )

@@ -13,6 +13,7 @@ class LinkCoulombFriction(LinearEffect):
     name = "link_coulomb_friction"
     title = "Coulomb friction at the link"
     where = "link"
+    plot_against = "link velocity"
     explanation = "Dry friction in the link's bearing or seals, on the far side of the elastic gear."
     equation = "u = f_c sign(q̇)"
     signature = "A step at every reversal of the link; near reversals link and motor move differently."

@@ -15,6 +15,7 @@ class LoadDependentFriction(LinearEffect, LoadedEffect):
     name = "load_dependent_friction"
     title = "Load-dependent friction"
     where = "motor"
+    plot_against = "load"
     explanation = "The gear's friction grows with the torque it transmits."
     equation = "u = μ |τ_j| sign(θ̇)"
     signature = "Coulomb-like steps whose size follows the load."

@@ -12,6 +12,7 @@ class MotorCoupling(Effect):
     name = "motor_coupling"
     title = "Motor coupling"
     where = "motor"
+    plot_against = "neighbour's acceleration"
     explanation = (
         "The neighbouring motor's rotor accelerates this joint too: their axes share a gear or a housing."
     )

@@ -10,6 +10,7 @@ class PayloadError(Effect):
     name = "payload_error"
     title = "Payload error"
     where = "load"
+    plot_against = "payload's torque"
     explanation = "The named payload's mass and inertia are wrong by a common factor."
     equation = "Γ_payload → (1 + e) Γ_payload"
     signature = "A residual like the payload's own weight, in the groups that carry it."

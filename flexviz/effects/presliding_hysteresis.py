@@ -26,6 +26,7 @@ class PreslidingHysteresis(LawEffect):
     name = "presliding_hysteresis"
     title = "Presliding hysteresis"
     where = "motor"
+    plot_against = "path since reversal"
     explanation = (
         "Before the gear slides, dry friction acts like a spring: torque builds up over a small angle."
     )

@@ -13,6 +13,7 @@ class QuadraticFriction(LinearEffect):
     name = "quadratic_friction"
     title = "Quadratic friction"
     where = "motor"
+    plot_against = "velocity"
     explanation = "Churning of lubricant or fan losses: friction grows with the square of the speed."
     equation = "u = f_q θ̇ |θ̇|"
     signature = "A parabola against velocity, with opposite signs in the two directions."

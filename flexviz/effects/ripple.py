@@ -15,6 +15,7 @@ class Ripple(LawEffect):
     """a sin(nθ + φ)."""
 
     smooth = True
+    plot_against = "angle within a cycle"
     orders = tuple(range(1, 41))
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:

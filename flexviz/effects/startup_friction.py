@@ -32,6 +32,7 @@ class StartupFriction(LawEffect):
     name = "startup_friction"
     title = "Start-up friction"
     where = "motor"
+    plot_against = "path since rest"
     explanation = (
         "A joint that stood still needs more torque to start, which fades over hundredths of a radian."
     )

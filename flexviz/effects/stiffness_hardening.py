@@ -21,6 +21,7 @@ class StiffnessHardening(LawEffect):
     name = "stiffness_hardening"
     title = "Stiffness hardening"
     where = "joint"
+    plot_against = "torque"
     explanation = "The gear becomes stiffer with increasing deflection, as harmonic drives do."
     equation = "τ_j = K δ + k₃ δ³"
     signature = "A position error whose slope against load falls at high torque."

@@ -17,6 +17,7 @@ class StribeckFriction(LawEffect):
     name = "stribeck_friction"
     title = "Stribeck friction"
     where = "motor"
+    plot_against = "velocity"
     explanation = "Friction is higher at creeping speed than in motion: the lubricant film has not built up."
     equation = "u = f_s exp(−(θ̇/v_s)²) sign(θ̇)"
     signature = "A pair of peaks against velocity, on either side of standstill."

@@ -22,6 +22,7 @@ class TemperatureFriction(LinearEffect):
     name = "temperature_friction"
     title = "Temperature-dependent friction"
     where = "motor"
+    plot_against = "velocity per degree"
     explanation = (
         "Warm lubricant is thin: friction is lower in runs that were recorded at a higher temperature."
     )

@@ -21,6 +21,7 @@ class ThinningFriction(LawEffect):
     name = "thinning_friction"
     title = "Shear-thinning friction"
     where = "motor"
+    plot_against = "velocity"
     explanation = "Sheared lubricant thins: friction rises steeply at low speed and levels off at high speed."
     equation = "u = f_t asinh(θ̇/v_t)"
     signature = (

@@ -14,6 +14,7 @@ class TorqueDelay(Effect):
     name = "torque_delay"
     title = "Torque delay"
     where = "sensing"
+    plot_against = "recorded torque's rate"
     explanation = (
         "Torque and position are not recorded at the same instant: the torque acts later than its stamp."
     )

@@ -15,6 +15,7 @@ class TorqueGain(Effect):
     name = "torque_gain"
     title = "Torque gain error"
     where = "sensing"
+    plot_against = "recorded torque"
     explanation = "The recorded torque is wrong by a factor: the torque constant or the gear ratio is off."
     equation = "τ_applied = (1 + g) τ_recorded"
     signature = "A residual proportional to the recorded torque."

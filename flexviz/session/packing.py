@@ -28,6 +28,7 @@ from typing_extensions import TypedDict
 from flexviz import diagnosis, identification
 from flexviz.errors import InputError
 from flexviz.files import remove_leftovers, write_whole
+from flexviz.laws import LawThroughData
 from flexviz.limits import LARGEST_UNPACKED, check_npz
 from flexviz.measurements import readable
 from flexviz.model import EffectValue, FlexibleModel
@@ -40,7 +41,8 @@ from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
-        Analysis, EffectValue, EsoGains, FlexibleModel, Iteration, ModelStep, Note, SessionNote, SessionStep,
+        Analysis, EffectValue, EsoGains, FlexibleModel, Iteration, LawThroughData, ModelStep, Note,
+        SessionNote, SessionStep,
         diagnosis.Absorbed, diagnosis.BandwidthCheck, diagnosis.Diagnosis, diagnosis.Evidence,
         diagnosis.Family, diagnosis.Finding, diagnosis.FreeCurve, diagnosis.Move, diagnosis.ParameterCurve,
         diagnosis.ResidualLocation, diagnosis.ResidualMap, diagnosis.Tie,

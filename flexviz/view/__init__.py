@@ -26,6 +26,7 @@ from flexviz.view.fit_charts import (
     sweep_html,
 )
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
+from flexviz.view.law_charts import law_chart, law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
 from flexviz.view.residuals import (
     MAP_COLUMNS,

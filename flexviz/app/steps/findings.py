@@ -9,12 +9,12 @@ from flexviz.app.page import Page, off
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import Finding
-from flexviz.view import card_html, evidence_chart, finding_html
+from flexviz.view import card_html, evidence_chart, finding_html, law_chart
 from flexviz.wording import Families, MergedFinding, escape, merged_texts, text_names
 
 MAX_ROWS = 12  # in the list of the model's effects
 APART, TOGETHER = "Take apart", "Put together"
-HEIGHT = 170  # [pixels] of the evidence
+HEIGHT = 230  # [pixels] of the evidence
 
 
 class FindingEntry:
@@ -54,14 +54,15 @@ class FindingEntry:
         self._show_evidence(self._finding)
 
     def _show_evidence(self, finding: Finding) -> None:
-        there = finding.evidence is not None
+        there = finding.evidence is not None or finding.law is not None
         why = "" if there else "only screened briefly, so there is no evidence"
-        off(self._toggle, why, "the residual with this effect's signature over it")
+        off(self._toggle, why, "the law of this effect through its data")
         shown = self.opened and there
         self._toggle.label = "Hide evidence" if shown else "Show evidence"
         self._folder.visible = shown
         if shown:
-            self._chart.show((evidence_chart(finding, self._group, height=HEIGHT),))
+            law = None if finding.law is None else law_chart(finding.law, HEIGHT)
+            self._chart.show((law or evidence_chart(finding, self._group, height=HEIGHT),))
 
     def _switch(self) -> None:
         self.opened = not self.opened

@@ -9,7 +9,7 @@ from flexviz.diagnosis import Finding, ResidualLocation
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
-from flexviz.view import evidence_chart, parameter_names
+from flexviz.view import evidence_chart, law_chart, parameter_names
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
 MAX_ABSORBED = 4  # parameters named
@@ -83,7 +83,12 @@ def _part(
     stopgap = effect is not None and effect.stopgap
     sure = "not physics" if stopgap else f"confidence {wording.confidence_range(merged.members)}"
     moves = [a for a in wording.moved(merged.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
-    charts = (evidence_chart(finding, height=blocks.FIGURE_HEIGHT) for finding in merged.members)
+    charts = (
+        evidence_chart(finding, height=blocks.FIGURE_HEIGHT)
+        if finding.law is None
+        else law_chart(finding.law, blocks.FIGURE_HEIGHT)
+        for finding in merged.members
+    )
     return blocks.section(
         f"{title}: {merged.statement(joints)}",
         blocks.Paragraph(f"{values}{wording.capitalised(wording.removes_text(merged))}; {sure}."),

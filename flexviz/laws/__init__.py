@@ -1,0 +1,6 @@
+"""The law of an effect through its data: the proof of a finding."""
+
+from flexviz.laws.law_through_data import LawThroughData, laws_of, laws_through_data
+from flexviz.laws.variables import VARIABLES, variable_of
+
+__all__ = ["VARIABLES", "LawThroughData", "laws_of", "laws_through_data", "variable_of"]

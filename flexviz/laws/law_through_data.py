@@ -1,0 +1,299 @@
+"""The law of an effect through its data: binned partial residuals, and the law on the same bins.
+
+A partial residual is what the model with the effect leaves, plus the effect's own contribution. What is
+left is projected onto bins of the effect's variable in the place where the effect acts: a torque or a
+deflection a_b in bin b reaches the residual through the elastic joint and the filters as a column C_b, so
+that
+
+    r + C a = noise,    a = −(CᵀC + Λ)⁻¹ Cᵀ r,    data_b = law_b + a_b
+
+with everything weighted by the spectrum of the sensors' noise. A step stays a step, although a filter has
+rounded it in the residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexviz.arrays import Array, Indices
+from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, neighbour
+from flexviz.equation import Chain, Equation, Layout, Signals, build_signals, layout_of
+from flexviz.errors import InputError
+from flexviz.estimation import WIDE_HERTZ, noise_density, noise_paths
+from flexviz.fourier import quick_length
+from flexviz.laws.variables import LawSamples, LawVariable, variable_of
+from flexviz.measurements import MeasurementSet
+from flexviz.model import FlexibleModel
+from flexviz.noise import segments_noise
+from flexviz.observers import ButterworthZeroPhase
+
+BINS = (32, 16, 8)
+PRIOR = 0.3  # of the joint's torque or deflection: how far a bin may lie from the law
+CLEAR = 0.05  # of the law's size: noise of a bin above which there are fewer bins
+ROBUST_STEPS, HUBER, MEDIAN = 5, 2.0, 0.6745  # MEDIAN: of |x| relative to the standard deviation
+SAMPLE_STEP = 1 / (8 * WIDE_HERTZ)  # [s] of the residual
+LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
+MODEL_ERROR = 5e-4  # of a joint's torque spread at 50 samples a second, added to the noise
+ERROR_STEP = 0.02  # [s] of those samples
+HIGHEST_HERTZ = 8.0  # of the residual: above, products of filtered signals err more than the sensors
+TOGETHER = 0.25  # [s] over which what the model leaves is correlated
+TAPER = 0.4  # [s] at both ends of a stretch, where filters and whitening have not settled
+FEWEST = 3  # instants of the fine grid in a bin
+SHOWN = 0.25  # of the law's size: a bin with more noise shows nothing and is left out
+
+
+@dataclass(frozen=True, eq=False)
+class LawThroughData:
+    """One law and its binned partial residuals; arrays have shape (B,), bins that show nothing left out.
+
+    Attributes:
+        effect, joint, group, payload: the effect, and the joint on which it is drawn.
+        variable, unit: the horizontal axis.
+        quantity, quantity_unit: the vertical axis.
+        at: mean of the variable in each bin.
+        law, law_std: mean of the law in each bin, and its standard error from the parameters' covariance.
+        data, data_std: partial residual in each bin, and its standard error from what the model leaves.
+        noise: the part of that standard error that stems from the sensors' noise.
+        count: instants of the fine grid in each bin.
+        leftover: rms of what bins and model leave, relative to the sensors' noise.
+    """
+
+    effect: str
+    joint: str
+    group: str | None
+    payload: str | None
+    variable: str
+    unit: str
+    quantity: str
+    quantity_unit: str
+    at: Array
+    law: Array
+    law_std: Array
+    data: Array
+    data_std: Array
+    noise: Array
+    count: Array
+    leftover: float
+
+    @property
+    def chi_square(self) -> float:
+        """Mean square of data − law relative to noise and the law's own error; 1 for the right law."""
+        squares = (self.data - self.law) ** 2 / (self.noise**2 + self.law_std**2)
+        return float(np.mean(squares)) if len(squares) else 1.0
+
+
+def laws_of(
+    measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str], covariance: Array
+) -> tuple[LawThroughData, ...]:
+    """The laws of an identified model with the set's effects and additional `effects`; covariance (P, P)."""
+    layout = layout_of(measurements, effects)
+    found = laws_through_data(measurements, layout, layout.vector(model), covariance)
+    return tuple(found.values())
+
+
+def laws_through_data(
+    measurements: MeasurementSet, layout: Layout, x: Array, covariance: Array
+) -> dict[ChosenEffect, LawThroughData]:
+    """The laws of all effects of a model through the data of all groups.
+
+    Args:
+        layout, x, covariance: the model, its parameters (P,) and their covariance (P, P).
+
+    Returns:
+        effect → its law; empty where the records are too short.
+    """
+    try:
+        drawn = _Drawing(measurements, layout, x) if layout.effects else None
+    except InputError:  # records that are too short for the band
+        drawn = None
+    if drawn is None:
+        return {}
+    return {effect: drawn.law(effect, covariance[where, where]) for effect, where in layout.effect_slices()}
+
+
+class _Drawing:
+    """Residual of a model at x (P,) in a wide band, and how noise reaches it."""
+
+    def __init__(self, measurements: MeasurementSet, layout: Layout, x: Array) -> None:
+        observer = ButterworthZeroPhase(2 * np.pi * WIDE_HERTZ)
+        signals = build_signals(
+            measurements, measurements.groups, observer,
+            sample_step=SAMPLE_STEP, exact_step=True, longest_edge=LONGEST_EDGE,
+        )  # fmt: skip
+        self._signals: Signals = replace(signals, sharp=True)
+        self._layout, self._x = layout, x
+        self._point = Equation(measurements.robot, self._signals, layout).at(x)
+        link = self._point.link_terms(x)
+        self._chain = Chain(x[layout.compliance], x[layout.link_viscous], link)
+        paths = noise_paths(layout, x, link)
+        sensors = segments_noise([b.segment for b in signals.blocks])
+        spread = np.array(measurements.torque_spread)
+        self._size = PRIOR * np.stack((spread, spread * x[layout.compliance]))  # (2, n) [Nm], [rad]
+        error = 2 * ERROR_STEP * (MODEL_ERROR * spread) ** 2  # [Nm²/Hz]
+        self._weights, self._lines = [], 0.0
+        for block in signals.blocks:
+            rows, step = block.rows, block.segment.step
+            length = quick_length(2 * (rows.stop - rows.start))
+            hertz: Array = np.fft.rfftfreq(length, step * block.stride)
+            here = [path.rows(rows) for path in paths]
+            density = noise_density(here, sensors, observer.transfer, step, hertz)
+            inside = (hertz < HIGHEST_HERTZ)[:, None]
+            weight = inside / np.sqrt((density + error) / (2 * step * block.stride))
+            count = rows.stop - rows.start
+            self._weights.append((length, weight, tukey(count, TAPER / (step * block.stride))))
+            self._lines += count * float(inside.mean()) * layout.n
+        self._residual = self._whitened(self._point.residual(x)[..., None])[..., 0]
+
+    def _whitened(self, values: Array) -> Array:
+        """Residuals or columns (N, n, C) divided by the root of the noise's spectrum."""
+        out = np.empty_like(values)
+        for block, (length, weight, taper) in zip(self._signals.blocks, self._weights, strict=True):
+            tapered = values[block.rows] * taper[:, None, None]
+            spectrum = np.fft.rfft(tapered, length, axis=0) * weight[..., None]
+            out[block.rows] = np.fft.irfft(spectrum, length, axis=0)[: block.rows.stop - block.rows.start]
+        return out
+
+    def law(self, effect: ChosenEffect, covariance: Array) -> LawThroughData:
+        """The law of one effect; covariance (P, P) of its parameters. As many bins as the data support."""
+        joint, u, slopes = self._law(effect, self._x[self._layout.effect_slice(effect)])
+        stretches = self._stretches(effect, joint, u)
+        found = self._binned(effect, joint, stretches, slopes, covariance, BINS[0])
+        for bins in BINS[1:]:
+            if np.median(found.noise) <= CLEAR * (np.ptp(found.law) + np.abs(found.law).max(initial=0.0)):
+                break
+            found = self._binned(effect, joint, stretches, slopes, covariance, bins)
+        return found
+
+    def _binned(
+        self, effect: ChosenEffect, joint: int, stretches: list[LawSamples], slopes: list[Array],
+        covariance: Array, bins: int,
+    ) -> LawThroughData:  # fmt: skip
+        kind = EFFECTS[effect.effect]
+        variable, name = variable_of(kind), self._layout.joints[joint]
+        at = [variable.of(one) for one in stretches]
+        per = [variable.per(one) * self._acts(effect, k) for k, one in enumerate(stretches)]
+        index = binned(at, per, bins)
+        whole, weight = np.concatenate(index), np.concatenate(per)
+        inside = whole >= 0
+
+        def sums(column: Array) -> Array:
+            return np.bincount(whole[inside], column[inside], bins).astype(float)
+
+        count, power = sums(np.ones(len(whole))), sums(weight**2)
+        used = (count >= FEWEST) & (power > 0)
+        centres = sums(np.concatenate(at))[used] / count[used]
+        law = sums(np.concatenate([one.u for one in stretches]) * weight)[used] / power[used]
+        slope = np.array([sums(row * weight)[used] / power[used] for row in np.concatenate(slopes, axis=1)])
+        law_std = np.sqrt(np.maximum(np.einsum("pb,pq,qb->b", slope, covariance, slope), 0.0))
+        size = np.ptp(law) + np.abs(law).max(initial=1e-12) if used.any() else 1.0
+        prior = max(
+            float(size), self._size[int(kind.entry == "deflection"), joint] / np.sqrt(np.mean(weight**2))
+        )
+        left, noise, std, leftover = self._left(kind.entry, joint, index, per, np.flatnonzero(used), prior)
+        kept = noise <= max(SHOWN * float(size), float(noise.min(initial=np.inf)))
+        sign, quantity, unit = _vertical(variable, kind.entry == "deflection")
+        return LawThroughData(
+            effect.effect, name, effect.group, effect.payload, f"{variable.label} of {name}", variable.unit,
+            quantity, unit, centres[kept], sign * law[kept], law_std[kept], sign * (law + left)[kept],
+            std[kept], noise[kept], count[used][kept], leftover,
+        )  # fmt: skip
+
+    def _left(
+        self, entry: str, joint: int, index: list[Indices], per: list[Array], used: Indices, prior: float
+    ) -> tuple[Array, Array, Array, float]:
+        """a (B,) in the bins `used`, its standard errors from noise and residual, and the leftover.
+
+        Instants at which the law jumps within the noise of its signals err most: large residuals count less.
+        """
+        parts = [np.where(bins == used[:, None], by, 0.0) for bins, by in zip(index, per, strict=True)]
+        depth = 1 if entry in ("residual", "gravity") else 3
+        filtered = self._point.context.filtered(parts, joint, depth)[..., None]
+        columns = self._whitened(self._chain.columns(entry, (joint,), filtered)).reshape(-1, len(used))
+        left, weight = self._residual.ravel(), np.ones(self._residual.size)
+        scale = np.sqrt(self._lines / self._residual.size)
+        for _ in range(ROBUST_STEPS):
+            inverse = np.linalg.inv((columns.T * weight) @ columns + np.eye(len(used)) / prior**2)
+            found = -inverse @ (columns.T @ (weight * left))
+            rest = left + columns @ found
+            leftover = float(np.median(np.abs(rest))) / (MEDIAN * scale)
+            weight = np.minimum(1.0, HUBER * scale * max(leftover, 1.0) / np.maximum(np.abs(rest), 1e-12))
+        score = (columns * (weight * rest)[:, None]).reshape(self._signals.count, -1, len(used)).sum(axis=1)
+        score = np.add.reduceat(score, np.arange(0, len(score), round(TOGETHER / SAMPLE_STEP)))
+        noise, seen = np.diag(inverse), np.sum((score @ inverse) ** 2, axis=0)
+        return found, np.sqrt(noise), np.sqrt(np.maximum(noise, seen)), leftover
+
+    def _acts(self, effect: ChosenEffect, block: int) -> float:
+        """Whether an effect acts in a stretch: an episode in one group, a payload where it is carried."""
+        group = self._signals.groups[self._signals.blocks[block].group]
+        return float(effect.group in (None, group.name) and effect.payload in (None, group.payload))
+
+    def _law(self, effect: ChosenEffect, values: Array) -> tuple[int, list[Array], list[Array]]:
+        """Joint on which the law is largest, u (N_fine,) and ∂u/∂p (P, N_fine) in every stretch."""
+        kind, context = EFFECTS[effect.effect], self._point.context
+        if isinstance(kind, LawEffect):
+            joint = effect.place.own_joint
+            both = [kind.law(motion, values) for motion in context.motions(joint)]
+            return joint, [u for u, _ in both], [slope for _, slope in both]
+        terms = kind.terms(context, effect.place, values)
+        column = int(np.argmax(np.mean(terms.value[0] ** 2, axis=0)))
+        joint = terms.joints[column]
+        both = np.vstack((terms.value[:1, :, column], terms.slopes[:, 0, :, column]))
+        table = self._on_fine_grid(joint, both)
+        return joint, [rows[0] for rows in table], [rows[1:] for rows in table]
+
+    def _on_fine_grid(self, joint: int, rows: Array) -> list[Array]:
+        """Rows (R, N) at the samples on the fine grid of every stretch, (R, N_fine) each."""
+        blocks, motions = self._signals.blocks, self._point.context.motions(joint)
+        return [
+            np.array([np.interp(m.time, self._signals.time[b.rows], row[b.rows]) for row in rows])
+            for m, b in zip(motions, blocks, strict=True)
+        ]
+
+    def _stretches(self, effect: ChosenEffect, joint: int, u: list[Array]) -> list[LawSamples]:
+        context, other = self._point.context, neighbour(joint, self._layout.n)
+        values = self._x[self._layout.effect_slice(effect)]
+        named = np.zeros(self._signals.count)
+        if effect.payload is not None:
+            named = context.payload_torque(effect.payload)[:, joint]
+        payload = self._on_fine_grid(joint, named[None])
+        return [
+            LawSamples(
+                motion, fine.tau[0, :, joint], fine.tau[1, :, joint], fine.velocity[:, other],
+                fine.theta[2, :, other], payload[k][0], u[k], values,
+            )
+            for k, (motion, fine) in enumerate(zip(context.motions(joint), context.fine(), strict=True))
+        ]  # fmt: skip
+
+
+def tukey(count: int, taper: float) -> Array:
+    """A window of `count` samples that rises over `taper` samples, shape (N,)."""
+    edge = np.clip((np.minimum(np.arange(count), np.arange(count)[::-1]) + 0.5) / max(taper, 1e-9), 0.0, 1.0)
+    return 0.5 - 0.5 * np.cos(np.pi * edge)
+
+
+def binned(at: list[Array], per: list[Array], bins: int) -> list[Indices]:
+    """Bin of every instant, −1 for none: edges midway between equally wide and equally filled; one at 0."""
+    whole = np.concatenate(at)
+    seen = np.isfinite(whole) & (np.concatenate(per) != 0)
+    values = whole[seen] if seen.any() else np.zeros(1)
+    share = np.linspace(0, 1, bins + 1)
+    edges = 0.5 * (np.quantile(values, share) + values.min() + share * np.ptp(values))
+    if edges[0] < 0 < edges[-1]:
+        edges[1 + np.argmin(np.abs(edges[1:-1]))] = 0.0
+    edges = np.sort(edges)
+    out = []
+    for one, by in zip(at, per, strict=True):
+        index = np.clip(np.searchsorted(edges, np.nan_to_num(one), side="right") - 1, 0, bins - 1)
+        out.append(np.where(np.isfinite(one) & (by != 0), index, -1))
+    return out
+
+
+def _vertical(variable: LawVariable, deflection: bool) -> tuple[float, str, str]:
+    """Sign, name and unit of the vertical axis: the deflection beyond that of the spring K is −u."""
+    if deflection:
+        return -1.0, "deflection beyond s/K", "rad"
+    per = f"/({variable.per_unit})" if "/" in variable.per_unit else f"/{variable.per_unit}"
+    return 1.0, variable.quantity or "opposing torque", f"Nm{per if variable.per_unit else ''}"

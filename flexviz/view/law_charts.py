@@ -1,0 +1,56 @@
+"""The law of an effect through its data, as a chart: the proof of a finding."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from flexviz.charts import COLOURS, PREFIXES, Chart, ChartAxis, ChartSeries, Ribbon
+from flexviz.diagnosis import Diagnosis
+from flexviz.laws import LawThroughData
+from flexviz.statistics import NORMAL_95
+from flexviz.wording import capitalised, effect_title, lower, number
+
+LARGE, SMALL = 320, 200  # [px] height of the first chart and of the others
+
+
+def law_chart(law: LawThroughData, height: int = LARGE) -> Chart:
+    """Binned partial residuals as points and the law as a line, both with their 95 % intervals."""
+    largest = float(np.abs(law.law).max(initial=0.0))
+    factor, prefix = next(((f, p) for f, p in PREFIXES if largest * f >= 0.1), PREFIXES[-1])
+    factor, prefix = (factor, prefix) if law.quantity_unit == "rad" else PREFIXES[0]
+    data, line = factor * law.data, factor * law.law
+    data_half, law_half = (NORMAL_95 * factor * std for std in (law.data_std, law.law_std))
+    title = effect_title(law.effect)
+    place = law.joint + (f", {law.group}" if law.group else "") + (f", {law.payload}" if law.payload else "")
+    off, size = np.sqrt(np.mean((data - line) ** 2)), np.sqrt(np.mean(line**2))
+    return Chart(
+        f"law:{law.effect}:{place}",
+        f"{title} of {place}: its law through the data",
+        ChartAxis(law.variable, law.unit),
+        ChartAxis(law.quantity, f"{prefix}{law.quantity_unit}"),
+        (
+            ChartSeries("law", COLOURS.model, law.at, line, 2.6),
+            ChartSeries("data", COLOURS.measured, law.at, data, 0.0, points=True),
+        ),
+        (
+            Ribbon("95 % of the data", COLOURS.measured, law.at, data - data_half, data + data_half),
+            Ribbon("95 % of the law", COLOURS.model, law.at, line - law_half, line + law_half),
+        ),
+        description=f"{capitalised(law.quantity)} against the {law.variable}, in {len(law.at)} bins: what "
+        f"the model leaves and the law of {lower(title)} together. Data and law differ by "
+        f"{number(100 * float(off / max(size, 1e-300)), 2)} % of the law.",
+        height=height,
+    )  # fmt: skip
+
+
+def law_charts(
+    diagnosis: Diagnosis | None, model: Iterable[LawThroughData] | None, joint: str
+) -> tuple[Chart, ...]:
+    """The laws of what a diagnosis has found on a joint, then of the model's effects; the first one large."""
+    found: dict[str, LawThroughData] = {}
+    for law in (*(one.law for one in (diagnosis.findings if diagnosis else ())), *(model or ())):
+        if law is not None and law.joint == joint and len(law.at) > 1:
+            found.setdefault(law_chart(law).key, law)
+    return tuple(law_chart(law, LARGE if k == 0 else SMALL) for k, law in enumerate(found.values()))

@@ -1,0 +1,31 @@
+"""The proof of a verdict: the law of what was found through its data, at once and large."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.browser.page import button, charts, tab, until
+
+pytestmark = pytest.mark.browser
+TITLE = "Coulomb friction of joint2: its law through the data"
+
+
+def test_a_verdict_turns_to_the_law_through_its_data(page: Any, shot: Any) -> None:
+    """A person reads: two levels of ± 3 Nm, the step at zero velocity, data on the law."""
+    assert tab(page, "Signals").get_attribute("aria-selected") == "true"
+    button(page, "Diagnose").click()
+    page.get_by_role("button", name="Find the missing effect").click()
+    until(lambda: tab(page, "Where it fails").get_attribute("aria-selected") == "true", 120, "the proof")
+    drawn = page.locator(".uplot:visible").filter(has_text=TITLE)
+    until(lambda: drawn.count() == 2, what="the law beside the finding and large in the tab")
+    boxes = [one.bounding_box() for one in drawn.all()]
+    assert max(box["height"] for box in boxes) > 300
+    assert "motor velocity of joint2 [rad/s]" in drawn.last.inner_text()
+    velocity, law, data, *_ = charts(page)[f"{TITLE} [Nm]"]
+    assert min(velocity) < -1 and max(velocity) > 1
+    for v, line, point in zip(velocity, law, data, strict=True):
+        assert abs(point - line) < 0.1
+        assert abs(v) < 0.2 or abs(line - (3 if v > 0 else -3)) < 0.05
+    shot(page, "law")
