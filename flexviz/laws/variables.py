@@ -142,4 +142,5 @@ def variable_of(effect: Effect) -> LawVariable:
     """What the law of an effect is drawn against."""
     if isinstance(effect, FreeCurveEffect):
         return VARIABLES[{"load": "torque"}.get(effect.variable, effect.variable)]
-    return VARIABLES[effect.plot_against or USUAL.get(effect.where, "velocity")]
+    usual = VARIABLES[USUAL.get(effect.where, "velocity")]
+    return VARIABLES.get(effect.plot_against, usual)  # a user's effect may name something else
