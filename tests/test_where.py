@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.signal
 
+from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import explained, explained_in_time, make_folds, mean_and_error
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -231,7 +231,7 @@ def test_position_and_direction_together(patched):
 def test_density_of_a_spectrum(count):
     values = np.random.default_rng(3).normal(size=(2, count, 3))
     hertz, power = periodogram(values, 0.01)
-    expected = scipy.signal.periodogram(values, 100.0, "hann", detrend=False, axis=1)
+    expected = sp.signal.periodogram(values, 100.0, "hann", detrend=False, axis=1)
     np.testing.assert_allclose(hertz, expected[0])
     np.testing.assert_allclose(power, expected[1], atol=1e-15)
 

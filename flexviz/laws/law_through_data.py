@@ -137,7 +137,7 @@ class _Drawing:
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step
             length = quick_length(2 * (rows.stop - rows.start))
-            hertz: Array = np.fft.rfftfreq(length, step * block.stride)
+            hertz: Array = np.arange(length // 2 + 1) / (length * step * block.stride)
             here = [path.rows(rows) for path in paths]
             density = noise_density(here, sensors, observer.transfer, step, hertz)
             inside = (hertz < HIGHEST_HERTZ)[:, None]
