@@ -100,11 +100,13 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     )
     shot(page, "stairs")
     after = percent(page)
+    tab(page, "Compare").click()  # a verdict turns to its law
     row(page, "Show model").get_by_role("button", name="0", exact=True).click()
     until(lambda: percent(page) == before, 60, "the error of the first model")
     until(lambda: yellow(page) > 150, 60, "its colours")
     until(lambda: verdict.inner_text().startswith("Missing"), SOON, "its verdict")
     assert bars.count() == 2
+    tab(page, "Compare").click()  # a verdict turns to its law
     row(page, "Show model").get_by_role("button", name="1", exact=True).click()
     until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
     compared_side_by_side(page, shot)

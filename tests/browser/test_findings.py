@@ -93,7 +93,8 @@ def test_what_a_diagnosis_offers(
     tab(page, "Compare").click()
     until(lambda: "● shown, not diagnosed" in page.inner_text("body"), what="the run in the staircase")
     button(page, "Diagnose").click()
-    assert page.locator(".fv-verdict s").count() == 1 and "look again" in verdict.inner_text()
+    until(lambda: page.locator(".fv-verdict s").count() == 1, SOON, "the verdict struck through")
+    assert "look again" in verdict.inner_text()
     assert "Done" not in page.locator(".fv-steps").inner_text()
     assert "What stays" not in page.inner_text("body") and finding.count() == 0
     shot(page, "stale")
