@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from flexviz.diagnosis import Diagnosis, Step
 from flexviz.errors import InputError
+from flexviz.identification import ParameterEstimate
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.results import Verdict
-from flexviz.session import HISTORY, Analysis, Session, with_roles
+from flexviz.session import (
+    HISTORY,
+    Analysis,
+    ResultStanding,
+    Session,
+    first_fit,
+    fit_before,
+    runs,
+    standing,
+    with_roles,
+)
 from tests.small_set import write_small_set
 
 
@@ -118,6 +130,52 @@ def test_a_verdict_belongs_to_one_model_observer_and_data(measurements: Measurem
     assert found.diagnosed is not None
     old = replace(found, diagnosed=found.diagnosed[:3])
     assert old.diagnosis_up_to_date and replace(old, bandwidth=80.0).diagnosis_up_to_date
+
+
+def fit(at_bound: bool = False) -> Any:
+    """As much of an identification as its standing depends on."""
+    stiffness = ParameterEstimate("stiffness", "joint1", 1.0, 0.1, "Nm/rad", 1.0, "yes", at_bound=at_bound)
+    return SimpleNamespace(parameters=(stiffness,), iterations=(1,))
+
+
+def test_all_texts_follow_from_what_the_results_belong_to(measurements: MeasurementSet) -> None:
+    start = Analysis.start(measurements)
+    assert standing(start) == ResultStanding("none", "none", "")
+    fitted = start.with_identification(fit(), start.settings)
+    assert standing(fitted) == ResultStanding("present", "none", "fit")
+    judged = fitted.with_diagnosis(diagnosis())
+    assert standing(judged) == ResultStanding("present", "present", "verdict")
+    # another observer: both are of an earlier model until the next Run; then the verdict still is
+    other = replace(judged, observer="eso", bandwidth=80.0)
+    assert standing(other) == ResultStanding("earlier", "earlier", "fit")
+    again = other.with_identification(fit(at_bound=True), other.settings)
+    now = standing(again)
+    assert (now.fit, now.verdict, now.errors) == ("present", "earlier", "fit")
+    assert "At the bound of what is possible: stiffness of joint1" in now.bounds
+    # a diagnosis of it does not make its error that of the diagnosis
+    assert standing(again.with_diagnosis(diagnosis("nothing-missing"))).errors == "fit"
+    # a tick taken away and put back is the same model
+    two = start.with_effects(["a", "b"]).with_diagnosis(diagnosis())
+    back = two.without_effects(["a"])
+    assert standing(back).verdict == "earlier"
+    assert standing(back.with_effects(["a"])).verdict == "present"
+
+
+def test_every_run_is_in_the_history(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    assert runs(session) == [] and first_fit(session) is None and fit_before(session) is None
+    one = session.analysis.with_identification(fit(), session.analysis.settings)
+    session = session.then("identified", one)
+    assert runs(session) == [one]
+    judged = one.with_diagnosis(diagnosis())
+    session = session.then("looked", judged)
+    assert runs(session) == []  # it is a model of the staircase
+    other = replace(judged, observer="eso", bandwidth=80.0)
+    tuned = other.with_identification(fit(), other.settings)
+    session = session.then("bandwidth", other).then("identified", tuned)
+    assert runs(session) == [tuned]
+    assert first_fit(session) is fit_before(session) is one.identification
+    assert runs(session.undo()) == [tuned] and fit_before(session.undo()) is None
 
 
 def test_undo_brings_back_diagnosis_and_result_without_computing(measurements: MeasurementSet) -> None:

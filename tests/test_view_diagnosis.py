@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -41,7 +42,7 @@ from flexviz.view.residuals import (
     stretches_of,
     time_residual,
 )
-from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
+from flexviz.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
 from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
@@ -193,10 +194,25 @@ def test_stairs_fall_and_say_what_was_added() -> None:
     last = model_steps[-1].step
     worse = tuple(2 * value for value in last.rms_validation or last.rms)
     run = PredictionErrors(last.rms, worse, (), last.noise_floor, np.zeros((0, 2)))
-    table = staircase_html(model_steps, JOINTS, run=("Run: eso, 80 rad/s", run))
-    assert table.count("▲ rises") == 1 and table.count("● shown") == 1
-    assert table.index("Run: eso, 80 rad/s") < table.index("● shown, not diagnosed")
-    assert "Run: eso" in staircase_html((), JOINTS, run=("Run: eso", run))  # nothing is diagnosed yet
+    better = PredictionErrors((0.1, 0.1), (0.1, 0.1), (), last.noise_floor, np.zeros((0, 2)))
+    runs = [
+        StaircaseRun("Run: eso, 80 rad/s", run, 1, True),
+        StaircaseRun("Run: first", better, -1, False),
+        StaircaseRun("Run: between", better, 0, False),
+    ]
+    table = staircase_html(model_steps, JOINTS, runs=runs)
+    order = [
+        "Run: first",
+        "0. the model itself ▲",
+        "Run: between",
+        "1. + Coulomb",
+        "Run: eso, 80 rad/s",
+    ]
+    text = re.sub(r"<[^>]*>", "", table)
+    places = [text.index(one) for one in order]
+    assert places == sorted(places) and text.count("● shown") == 1
+    assert text.count("▲ rises") == 3 and "Run: eso, 80 rad/s ● shown ▲ rises" in text
+    assert "Run: eso" in staircase_html((), JOINTS, runs=runs[:1])  # nothing is diagnosed yet
 
 
 def residuals(n: int = 2000) -> Any:
@@ -296,6 +312,10 @@ def test_what_to_do_next(tmp_path: Any) -> None:
     assert "<b>Stop</b>" in next_step(analysis, "Data", True).text
     assert next_step(analysis.with_role("g1", "ignore"), "Diagnose", False).step == "Data"
     looked = analysis.with_diagnosis(DIAGNOSIS)
+    other = replace(looked, bandwidth=80.0)
+    assert next_step(other, "Data", False).button == "find" and "Done" not in next_step(other, "", False).text
+    assert "the verdict is of an earlier model" in next_step(other, "Data", False).text
+    assert steps_done(other) == ()
     assert next_step(looked, "Diagnose", False).button == "add" and steps_done(looked) == ("Diagnose",)
     done = looked.with_effects(["a"]).with_diagnosis(
         replace(DIAGNOSIS, verdict="nothing-missing", findings=())

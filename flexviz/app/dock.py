@@ -9,6 +9,7 @@ from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import next_button, next_option, no_label, pressed, style
+from flexviz.session import standing
 from flexviz.view import error_text, next_step, status_html, step_line_html, steps_done
 
 LEFT_WIDTH = 330  # [pixels]
@@ -78,8 +79,12 @@ class Dock:
 
     def _say(self) -> None:
         store, message = self._store, self._store.message
-        error = error_text(store.analysis.identification, store.errors, "errors" in store.derived.failed)
-        self._status.content = status_html(store.step, message.text, error, message.tone)
+        now, failed = standing(store.analysis), "errors" in store.derived.failed
+        error = error_text(store.analysis.identification, store.errors, failed, now.fit == "earlier")
+        stale = now.fit == "earlier" or (now.bounds and now.errors == "fit")
+        self._status.content = status_html(
+            store.step, message.text, error, message.tone or ("warn" if stale else "")
+        )
 
     def _show_step(self) -> None:
         for step in self.steps:

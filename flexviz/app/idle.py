@@ -13,6 +13,7 @@ from flexviz.app.tasks import DrawLaws, IdleTask, JudgeErrors, MapResiduals, Rep
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.jobs import Result
 from flexviz.laws import LawThroughData
+from flexviz.session import runs
 from flexviz.view import solver_stages
 
 
@@ -38,14 +39,18 @@ class IdleWork:
         def drawn(laws: tuple[LawThroughData, ...]) -> None:
             derived.laws = laws
 
-        def judged(errors: tuple[PredictionErrors, ...]) -> None:
-            derived.errors, *derived.stage_errors = errors
+        def judged(of: Derived, errors: tuple[PredictionErrors, ...]) -> None:
+            of.errors, *of.stage_errors = errors
 
-        if derived.errors is None and "errors" not in derived.failed and fitted is not None:
-            settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
-            ends = tuple(result.iterations[last] for _, _, last in solver_stages(result.iterations))
-            ends = (*result.iterations[:1], *ends)
-            self._start(JudgeErrors(settings, result.model, ends), derived, "errors", judged)
+        for state in (analysis, *runs(store.session)):  # runs of a session that was opened are judged anew
+            one, of = state.identification, store.kept.keep(state.identification)
+            used = state.fitted_settings
+            if of.errors is None and "errors" not in of.failed and one is not None and used is not None:
+                settings = replace(state.without_result(), roles=used.roles, effects=used.effects)
+                ends = tuple(one.iterations[last] for _, _, last in solver_stages(one.iterations))
+                task = JudgeErrors(settings, one.model, (*one.iterations[:1], *ends))
+                self._start(task, of, "errors", partial(judged, of))
+                break
         if derived.laws is None and "laws" not in derived.failed and fitted is not None:
             settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
             self._start(DrawLaws(settings, result.model, result.covariance), derived, "laws", drawn)

@@ -5,19 +5,26 @@ from __future__ import annotations
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
-from flexviz.view import joints_html, legend_html, model_name
+from flexviz.session import standing
+from flexviz.view import OF_EARLIER, joints_html, legend_html, model_name, run_name
 
 WIDTH = 300  # [pixels]
 
 
 def model_names(store: Store) -> tuple[str, ...]:
     """What the models on the screen are called; of several each has its number and error."""
+    now = standing(store.analysis)
+    earlier = f", {OF_EARLIER}" if now.fit == "earlier" else ""
     if store.beside is None:
-        return ("identified",)
+        return (f"identified{earlier}",)
     models = [step for step, _ in store.chain]
-    numbers = (len(store.analysis.model_steps) - 1, store.view.beside or 0)
     joints, spread = store.measurements.joints, store.measurements.torque_spread
-    return tuple(model_name(models, joints, number, spread) for number in numbers)
+    names = [
+        model_name(models, joints, number, spread)
+        for number in (len(store.analysis.model_steps) - 1, store.view.beside or 0)
+    ]
+    shown = names[0] if now.errors == "verdict" else run_name(store.analysis, joints)
+    return f"{shown}{earlier}", names[1]
 
 
 class LegendPanel:
@@ -30,7 +37,7 @@ class LegendPanel:
             self._robots = page.gui.add_html("")
             self._joints = page.gui.add_html("")
         panel.float(x=12, y=12, width=WIDTH)
-        results = Changed.RESULT | Changed.DERIVED | Changed.DIAGNOSIS
+        results = Changed.ANALYSIS | Changed.DERIVED
         shown = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.VIEW | results
         store.subscribe(shown, self._draw, Turn.CONTROLS)
         store.subscribe(Changed.TICK, self._draw_joints, Turn.CONTROLS)

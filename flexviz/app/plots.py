@@ -19,6 +19,7 @@ from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
 from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification
+from flexviz.session import runs, standing
 from flexviz.wording import mean_nrms
 
 RIGHT_WIDTH = 430  # [pixels]
@@ -136,15 +137,23 @@ class PlotPanel:
         joints, spread = store.measurements.joints, store.measurements.torque_spread
         result, shown = store.analysis.identification, len(store.analysis.model_steps) - 1
         parameters = result.parameters if result else ()
-        errors = store.derived.errors
-        fresh = store.analysis.up_to_date and not store.analysis.diagnosis_up_to_date
-        run = (view.run_name(result), errors) if fresh and result and errors else None
-        drawn = [*map(id, models)], store.joint, id(result), run and id(errors), shown
+        own = standing(store.analysis).errors == "fit"
+        rows = [
+            view.StaircaseRun(
+                view.run_name(run, joints, store.analysis.roles),
+                errors,
+                len(run.model_steps) - 1,
+                own and run.identification is result,
+            )
+            for run in runs(store.session)
+            if (errors := store.kept.keep(run.identification).errors) is not None
+        ]
+        drawn = [*map(id, models)], store.joint, id(result), [(row.name, row.shown) for row in rows], shown
         if drawn == self._compared:
             return  # a slider of another step is dragged
         self._compared = drawn
         self._compare.show(view.staircase_charts(models, store.joint, joints, spread))
-        self._steps.content = view.staircase_html(models, joints, spread, parameters, shown, run)
+        self._steps.content = view.staircase_html(models, joints, spread, parameters, shown, rows)
         self._ends = [last for _, _, last in view.model_runs(models, joints)] if models else []
         self._models.visible = self._beside.visible = len(self._ends) > 1
         if len(self._ends) > 1:

@@ -18,7 +18,7 @@ from flexviz.laws import LawThroughData
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.progress import Iteration
 from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_motion, with_replay
-from flexviz.session import Session
+from flexviz.session import HISTORY, Session
 from flexviz.simulation import Run
 
 KEPT_RESULTS = 8  # with simulated motions and maps
@@ -129,7 +129,9 @@ class DerivedResults:
             self._kept.insert(-1, found)
         if current and self._kept[-1] is not found:
             self._kept = [*(one for one in self._kept if one is not found), found]
-        self._kept = self._kept[-KEPT_RESULTS:]
+        for old in self._kept[:-KEPT_RESULTS]:  # only the errors stay, for the rows of the staircase
+            old.replays, old.maps, old.laws = {}, (), None
+        self._kept = self._kept[-HISTORY:]
         return found
 
 

@@ -170,10 +170,10 @@ class Store(ChangeSignal):
     def beside(self) -> tuple[ModelStep, Derived, RobotMotion] | None:
         """The model that is compared with the shown one, its derived data and its motion."""
         chain, at = self.chain if self.view.beside is not None else [], self.view.beside
-        if at is None or not 0 <= at < len(chain) or at == len(self.analysis.model_steps) - 1:
+        if at is None or not 0 <= at < len(chain):
             return None
         step, state = chain[at]
-        if state is None or state.identification is None:
+        if state is None or state.identification in (None, self.analysis.identification):
             return None
         derived = self.kept.keep(state.identification)
         return step, derived, derived.motion(self.measurements, self.group)

@@ -3,9 +3,11 @@
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
 from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary, compare
 from flexviz.session.document import SESSION_FILE
+from flexviz.session.history import first_fit, fit_before, runs
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SessionChanged, save_session, zipped
 from flexviz.session.staircase import diagnosed_models, model_chain
+from flexviz.session.standing import ResultStanding, standing
 from flexviz.session.state import (
     HISTORY,
     ROLES,
@@ -27,6 +29,7 @@ __all__ = [
     "ModelStep",
     "OpenedSession",
     "ParameterRow",
+    "ResultStanding",
     "Session",
     "SessionChanged",
     "SessionComparison",
@@ -36,13 +39,17 @@ __all__ = [
     "compare",
     "diagnosed_models",
     "find_unsaved",
+    "first_fit",
+    "fit_before",
     "identified_errors",
     "is_session",
     "model_chain",
     "now",
     "open_session",
     "relocate",
+    "runs",
     "save_session",
+    "standing",
     "with_roles",
     "zipped",
 ]

@@ -118,7 +118,8 @@ class Analysis:
     @property
     def up_to_date(self) -> bool:
         """Whether the last identification belongs to the current settings."""
-        return self.identification is not None and self.fitted_settings == self.settings
+        fitted = self.fitted_settings
+        return self.identification is not None and fitted is not None and same(fitted, self.settings)
 
     @property
     def diagnosis_settings(self) -> tuple[Any, ...]:
@@ -132,7 +133,8 @@ class Analysis:
     def diagnosis_up_to_date(self) -> bool:
         """Whether the last diagnosis belongs to the current settings."""
         known = self.diagnosed or ()  # older sessions: data and model only
-        return self.diagnosis is not None and bool(known) and known == self.diagnosis_settings[: len(known)]
+        found = bool(known) and same(known, self.diagnosis_settings[: len(known)])
+        return self.diagnosis is not None and found
 
     @property
     def current_diagnosis(self) -> Diagnosis | None:
@@ -284,6 +286,16 @@ class Session:
         """A copy with one more recording."""
         others = tuple(other for other in self.recordings if other != file)
         return replace(self, recordings=(*others, file))
+
+
+def same(settings: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
+    """Whether settings are the same; the order in which effects were added is none of them."""
+
+    def ordered(values: tuple[Any, ...]) -> list[Any]:
+        texts = [isinstance(value, tuple) and all(isinstance(one, str) for one in value) for value in values]
+        return [sorted(value) if text else value for value, text in zip(values, texts, strict=True)]
+
+    return ordered(settings) == ordered(others)
 
 
 def now() -> str:

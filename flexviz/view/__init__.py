@@ -46,6 +46,7 @@ from flexviz.view.residuals import (
 )
 from flexviz.view.shape_charts import shape_charts
 from flexviz.view.staircase import (
+    StaircaseRun,
     model_name,
     model_runs,
     run_name,
@@ -53,7 +54,15 @@ from flexviz.view.staircase import (
     staircase_charts,
     staircase_html,
 )
-from flexviz.view.status import error_text, next_step, shown_errors, status_html, step_line_html, steps_done
+from flexviz.view.status import (
+    OF_EARLIER,
+    error_text,
+    next_step,
+    shown_errors,
+    status_html,
+    step_line_html,
+    steps_done,
+)
 from flexviz.view.tables import (
     check_html,
     parameter_names,

@@ -165,8 +165,8 @@ def verdict_html(
     told = [n.text for n in diagnosis.notes if n.kind not in skipped and n.text not in verdict]
     if not up_to_date:
         return (
-            f'<div class="fv fv-verdict fv-old"><s>{escape(verdict)}</s><div class="fv-warn">Of an earlier '
-            "model, observer or choice of groups: press Find the missing effect to look again.</div></div>"
+            f'<div class="fv fv-verdict fv-old"><s>{escape(verdict)}</s><div class="fv-warn">of an earlier '
+            "model · look again: press Find the missing effect</div></div>"
         )
     texts = [*([left] if left and diagnosis.verdict == "unknown" else []), *told]
     notes = "".join(f'<div class="fv-dim">{escape(capitalised(text))}.</div>' for text in texts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from flexviz import wording
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.effects import free_curve
-from flexviz.identification import Identification, ParameterEstimate
-from flexviz.session import ModelStep
+from flexviz.identification import ParameterEstimate
+from flexviz.session import Analysis, ModelStep
 
 NO_STEPS = (
     "The error of every group after each added effect appears here, with the noise floor: "
@@ -33,6 +33,16 @@ NOT_PHYSICS = "hatched: not physics"
 HATCH_POINTS = 26  # of the zigzag in a hatched step
 RISE = 1.01  # times the error before, from which a row is said to rise
 ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
+
+
+@dataclass(frozen=True, eq=False)
+class StaircaseRun:
+    """A *Run* in the staircase: name, errors, the model after which it was made, whether it is shown."""
+
+    name: str
+    errors: PredictionErrors
+    after: int  # -1: before every diagnosis
+    shown: bool
 
 
 def one_error(row: Sequence[float], joint: int | None, spread: Sequence[float]) -> float:
@@ -184,7 +194,7 @@ def staircase_html(
     spread: Sequence[float] = (),
     parameters: Sequence[ParameterEstimate] = (),
     shown: int = -1,
-    run: tuple[str, PredictionErrors] | None = None,
+    runs: Sequence[StaircaseRun] = (),
 ) -> str:
     """The errors of the steps as bars and numbers; effects of one kind unfold to their values per joint.
 
@@ -193,40 +203,34 @@ def staircase_html(
         joints: of the robot.
         spread: of each joint's torque, shape (n,) [Nm].
         parameters: of the model that is shown.
-        shown: the model that the rest of the page shows.
-        run: an identification that no diagnosis has judged, which is shown instead: its name and errors.
+        shown: the model that the rest of the page shows, if it shows none of the runs.
+        runs: fits that are no model of the staircase.
     """
-    if not model_steps and run is None:
+    if not (model_steps or runs):
         return ""
-    rows, before = [], math.inf
-    judged = [one.step for one in model_steps] + ([run[1]] if run else [])
+    judged = [one.step for one in model_steps] + [run.errors for run in runs]
     top = max(one_error(row, None, spread) for step in judged for row in _judged(step))
-
-    def add(label: str, step: Step | PredictionErrors, hatched: bool) -> None:
-        nonlocal before
-        error = one_error(_judged(step)[-1], None, spread)
-        rises, before = error > RISE * before, error
-        mark = ' <span class="fv-rises">▲ rises</span>' if rises else ""
-        cells = "".join(_error_cell(row, spread) for row in (step.rms, step.rms_validation))
-        rows.append(f"<tr><td>{label}{mark}</td>{cells}</tr>")
-        rows.append(f'<tr><td colspan="3">{_bars(step, spread, top, hatched)}</td></tr>')
-
+    table = _Rows(spread, top)
+    table.add_runs([run for run in runs if run.after < 0])
+    placed = 0  # models whose runs are in the table
     for count, (name, texts, last) in enumerate(model_runs(model_steps, joints) if model_steps else ()):
         own = [wording.effect_text_name(text) for text in model_steps[0].effects]
         what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
         found = "".join(f"<div>{wording.escape(text)}</div>" for text in effect_values(texts, parameters))
         label = f"{count}. {wording.escape(what)}"
-        if last == shown and run is None:
+        if last == shown and not any(run.shown for run in runs):
             label = f"<b>{label}</b> ● shown"
         stopgap = any(map(is_stopgap, texts))
         if stopgap:
             label = f'<span class="fv-hatched">{label}</span>'
         if found:
             label = f"<details><summary>{label}</summary>{found}</details>"
-        add(label, model_steps[last].step, stopgap)
-    if run is not None:
-        add(f"<b>{wording.escape(run[0])}</b> ● shown, not diagnosed", run[1], False)
-    last_step = judged[-1]
+        table.add(label, model_steps[last].step, stopgap)
+        table.add_runs([run for run in runs if placed <= run.after <= last])
+        placed = last + 1
+    table.add_runs([run for run in runs if run.after >= placed])
+    rows = table.rows
+    last_step = next((run.errors for run in runs if run.shown), judged[len(model_steps) - 1])
     if last_step.noise_floor:
         floor = _error_cell(last_step.noise_floor, spread)
         rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
@@ -240,13 +244,41 @@ def staircase_html(
     )
 
 
-def run_name(result: Identification) -> str:
-    """ "Run: eso, 80 rad/s"."""
+class _Rows:
+    """The rows of the table so far; one whose error rises against the row before says so."""
+
+    def __init__(self, spread: Sequence[float], top: float) -> None:
+        self._spread, self._top, self._before = spread, top, math.inf
+        self.rows: list[str] = []
+
+    def add(self, label: str, step: Step | PredictionErrors, hatched: bool = False) -> None:
+        error = one_error(_judged(step)[-1], None, self._spread)
+        rises, self._before = error > RISE * self._before, error
+        mark = ' <span class="fv-rises">▲ rises</span>' if rises else ""
+        cells = "".join(_error_cell(row, self._spread) for row in (step.rms, step.rms_validation))
+        bars = _bars(step, self._spread, self._top, hatched)
+        self.rows += [f"<tr><td>{label}{mark}</td>{cells}</tr>", f'<tr><td colspan="3">{bars}</td></tr>']
+
+    def add_runs(self, runs: Sequence[StaircaseRun]) -> None:
+        for run in runs:
+            name = wording.escape(run.name)
+            self.add(f"<b>{name}</b> ● shown" if run.shown else name, run.errors)
+
+
+def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) -> str:
+    """ "Run with Torque offset on joint1: eso, 80 rad/s"; `roles` are those of the present analysis."""
+    result, fitted = analysis.identification, analysis.fitted_settings
+    if result is None or fitted is None:
+        return ""
     width = wording.listed(
         [wording.number(float(w), 3) for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())]
     )
-    refined = ", refined" if result.refined else ""
-    return f"Run: {result.observer_name}, {width} rad/s{refined}"
+    added = ", ".join(wording.text_names(fitted.effects, joints))
+    return (
+        f"Run{f' with {added}' if added else ''}: {result.observer_name}, {width} rad/s"
+        + (", refined" if result.refined else "")
+        + (", other groups" if roles not in (None, fitted.roles) else "")
+    )
 
 
 def _judged(step: Step | PredictionErrors) -> list[Sequence[float]]:

@@ -10,8 +10,10 @@ import numpy as np
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
-from flexviz.session import Analysis
+from flexviz.session import Analysis, standing
 from flexviz.wording import escape, torque_error_text
+
+OF_EARLIER = "of an earlier model"
 
 
 def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
@@ -29,25 +31,23 @@ def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] =
 def shown_errors(
     analysis: Analysis, judged: PredictionErrors | None
 ) -> PredictionErrors | DiagnosisStep | None:
-    """The error of the present model that every page states.
-
-    That of the diagnosis if there is one of these values; it knows which samples to judge apart. Else that
-    of the identification, `judged` in the same band.
-    """
-    result, diagnosis = analysis.identification, analysis.current_diagnosis
-    if diagnosis is None or not diagnosis.steps:
+    """The error of the present model that every page states; `judged` is that of its fit."""
+    diagnosis = analysis.current_diagnosis
+    if diagnosis is None or standing(analysis).errors != "verdict":
         return judged
-    fitted, start = analysis.fitted_settings, Analysis(analysis.path)
-    usual = (start.observer, None, False)
-    if result is None or not result.iterations or fitted is None:
-        return diagnosis.steps[-1]
-    return diagnosis.steps[-1] if (fitted.observer, fitted.bandwidth, fitted.refine) == usual else judged
+    return diagnosis.steps[-1]
 
 
 def error_text(
-    result: Identification | None, errors: PredictionErrors | DiagnosisStep | None, failed: bool = False
+    result: Identification | None,
+    errors: PredictionErrors | DiagnosisStep | None,
+    failed: bool = False,
+    earlier: bool = False,
 ) -> str:
-    """The total error of the validation groups, else of the fitted ones; `failed`: it cannot be known."""
+    """The total error of the validation groups, else of the fitted ones.
+
+    `failed`: it cannot be known; `earlier`: the settings have changed since.
+    """
     if result is None:
         return "no model yet"
     if errors is None:
@@ -55,7 +55,8 @@ def error_text(
     for name, values in (("validation error", errors.rms_validation), ("fit error", errors.rms)):
         column = np.asarray([] if values is None else values, dtype=float)
         if column.size and np.isfinite(column).all():
-            return f"{name} {torque_error_text(column.tolist(), result.residual.torque_spread)}"
+            text = f"{name} {torque_error_text(column.tolist(), result.residual.torque_spread)}"
+            return f"{text}, {OF_EARLIER}" if earlier else text
     return "the model has no error to show"
 
 
@@ -77,23 +78,35 @@ class NextStep:
 
 
 def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
-    """The next step to suggest to a new user."""
+    """The next step to suggest, from what the results belong to."""
+    now, diagnosis = standing(analysis), analysis.current_diagnosis
+
+    def go(step: str, button: str, what: str, why: str = "") -> NextStep:
+        where = "press" if current == step else f"step {step}, then"
+        return NextStep(step, button, f"Next: {where} <b>{what}</b>{why}.")
+
     if running:
         return NextStep(current, "", "Working: <b>Stop</b> ends it early.")
     if not analysis.groups_with("fit"):
         return NextStep("Data", "", "Next: set a group to <b>Fit</b> in step Data.")
-    where = "press" if current == "Diagnose" else "step Diagnose, then"
-    if not analysis.diagnosis_up_to_date:
-        return NextStep("Diagnose", "find", f"Next: {where} <b>Find the missing effect</b>.")
-    diagnosis = analysis.current_diagnosis
-    if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
-        return NextStep("Diagnose", "add", f"Next: {where} <b>Add and refit</b> and watch the error fall.")
+    if now.fit == "present" and now.bounds and now.errors == "fit":
+        return NextStep("Observer", "", "Next: values are at their bounds; try another bandwidth.")
+    if now.fit == "earlier":
+        return go("Identify", "run", "Run", ": the settings have changed since this model")
+    if now.verdict == "earlier":
+        return go("Diagnose", "find", "Find the missing effect", ": the verdict is of an earlier model")
+    if diagnosis is None:
+        return go("Diagnose", "find", "Find the missing effect")
+    if diagnosis.verdict == "missing" and diagnosis.findings:
+        return go("Diagnose", "add", "Add and refit", " and watch the error fall")
     if len(analysis.model_steps) > 1:
         return NextStep("", "", "Done: the tab <b>Compare</b> shows how the error fell.")
     return NextStep("", "", "Done: the tab <b>Where it fails</b> shows what is left.")
 
 
 def steps_done(analysis: Analysis) -> tuple[str, ...]:
-    """The completed steps."""
-    done = ("Data", "Observer", "Identify") if analysis.identification is not None else ()
-    return (*done, "Diagnose") if analysis.diagnosis_up_to_date else done
+    """The completed steps; one whose result is of an earlier model is to be done again."""
+    now = standing(analysis)
+    done = ("Data", "Observer") if now.fit != "none" else ()
+    done = (*done, "Identify") if now.fit == "present" else done
+    return (*done, "Diagnose") if now.verdict == "present" else done

@@ -40,6 +40,7 @@ class IdentifyStep(WorkflowStep):
         self.check = ParameterCheck(store, page)
         self._run = page.button("Run", self._start, color="blue")
         page.row((self.check.button, self._run))
+        self.next_buttons = {"run": self._run}
         self._why = gui.add_html("")
         self._check = gui.add_html("")
         hint = "the values the set was simulated with"
@@ -98,9 +99,10 @@ class IdentifyStep(WorkflowStep):
             return
         self.store.change("identified", self.store.analysis.with_identification(result, settings))
         count = plural(len(result.iterations), "iteration")
-        how = "stopped" if result.stopped else "converged" if result.converged else "did not converge"
-        message = f": {result.message}" if result.message and not result.converged else ""
         told = hints(result.parameters)
+        how = "ended at bounds" if told else "converged" if result.converged else "did not converge"
+        message = f": {result.message}" if result.message and not result.converged else ""
+        how = "stopped" if result.stopped else how
         text = ". ".join([f"{how} after {count} in {number(result.seconds, 3)} s{message}", *told])
         self.store.say(text, "bad" if not result.converged else "warn" if told else "")
 
