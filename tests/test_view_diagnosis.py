@@ -32,6 +32,7 @@ from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effects import card_html, finding_html, heading_html, picture, trace_html, verdict_html
 from flexviz.view.free_curves import free_chart, free_html
+from flexviz.view.residual_time import BeforeAfter, time_residual
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     ResidualSamples,
@@ -40,7 +41,6 @@ from flexviz.view.residuals import (
     map_of,
     range_html,
     stretches_of,
-    time_residual,
 )
 from flexviz.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
@@ -226,13 +226,16 @@ def residuals(n: int = 2000) -> Any:
 
 
 def test_the_residual_over_time_lies_in_the_band_of_the_noise() -> None:
-    found = ResidualSamples.of(residuals(), 0)
-    chart = time_residual(found, "joint1", "g1")
+    fits = BeforeAfter(residuals())
+    chart = time_residual(fits, 0, "joint1", "g1")
     (ribbon,) = chart.ribbons
     assert ribbon.high == pytest.approx(0.196) and ribbon.low == pytest.approx(-0.196)
     assert np.abs(chart.series[0].y).max() == 2.0 and chart.x.limits == (0.0, 10.0) and chart.playhead
-    assert ResidualSamples.of(None, 0) is None and "Run" in time_residual(None, "joint1", "g1").note
-    assert "g9 has no residual" in time_residual(found, "joint1", "g9").note
+    assert (
+        ResidualSamples.of(None, 0) is None
+        and "Run" in time_residual(BeforeAfter(None), 0, "joint1", "g1").note
+    )
+    assert "g9 has no residual" in time_residual(fits, 0, "joint1", "g9").note
 
 
 def test_a_range_marks_its_instants() -> None:
@@ -244,7 +247,7 @@ def test_a_range_marks_its_instants() -> None:
     assert np.mean(inside) == pytest.approx(np.mean(np.sin(np.linspace(0, 10, 2000)) >= 0.5), abs=0.01)
     marked = stretches_of(time, inside)
     assert len(marked) == 2 and sum(b - a for a, b in marked) == pytest.approx(10 * np.mean(inside), abs=0.02)
-    chart = replace(time_residual(found, "joint1", "g2"), highlights=marked)
+    chart = replace(time_residual(BeforeAfter(residuals()), 0, "joint1", "g2"), highlights=marked)
     assert set(columns(chart)[-1]) == {0.0, 1.0} and stretches_of(time, inside & False) == ()
     nowhere = found.instants("position", 0.5, 1.0, "g9")
     assert not len(nowhere[0]) and range_html("position", 0.5, 1.0, nowhere[1]) == ""

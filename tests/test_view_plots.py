@@ -17,12 +17,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexviz.app.uplot import _scales, columns, nearest
-from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon, chart_csv, charts_zip, no_chart
+from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, chart_csv, charts_zip, no_chart
 from flexviz.charts.chart import MAX_POINTS, TIME, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
-from flexviz.view import shape_charts
+from flexviz.view import BeforeAfter, shape_charts
 from flexviz.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
 from flexviz.view.time_charts import (
     numbers_html,
@@ -163,15 +163,49 @@ def result_for(measurements: MeasurementSet) -> Any:
 
 def test_signals_before_and_after(measurements: MeasurementSet) -> None:
     group = measurements.groups[0]
-    before = signals_charts(group, 0, "joint1", None, None)
+    before = signals_charts(group, 0, "joint1", BeforeAfter(None), None)
     assert [bool(p.series) for p in before] == [True, False, False] and "Run" in before[1].note
     result = result_for(measurements)
     motion = measured_motion(measurements, group, result)
-    after = signals_charts(group, 0, "joint1", result, motion)
+    after = signals_charts(group, 0, "joint1", BeforeAfter(result), motion)
     torque, residual, _ = after
     assert [series.label for series in torque.series] == ["measured", "model"]
     assert np.abs(torque.series[0].y - torque.series[1].y).max() < 1.0
     assert residual.series[0].y == pytest.approx(0.1)
+
+
+def scaled(result: Any, factor: float) -> Any:
+    """The result with other residuals."""
+    series = {name: replace(one, residual=factor * one.residual) for name, one in result.residuals.items()}
+    return replace(result, residuals=series)
+
+
+def test_before_and_after_are_on_one_axis(measurements: MeasurementSet) -> None:
+    group, first = measurements.groups[0], result_for(measurements)
+    half, tiny = scaled(first, 0.5), scaled(first, 1e-4)
+
+    def drawn(fits: BeforeAfter) -> Chart:
+        return signals_charts(group, 0, "joint1", fits, None)[1]
+
+    # the first model's axis stays, in Nm, for whatever comes after it; the one before is grey
+    for present, before in ((first, None), (half, first), (tiny, half)):
+        chart = drawn(BeforeAfter(present, before, first=first))
+        assert chart.y.limits == pytest.approx((-0.105, 0.105)) and chart.heading == "Residual, joint1 [Nm]"
+        *grey, now = chart.series
+        assert now.colour == COLOURS.residual
+        assert now.y == pytest.approx(present.residuals["g1"].residual[0, 0])
+        assert [line.colour for line in grey] == [COLOURS.reference] * (before is not None)
+        if before is not None:
+            assert grey[0].label == "before" and len(grey[0].x) == len(now.x)
+            assert grey[0].y == pytest.approx(before.residuals["g1"].residual[0, 0])
+        assert all(np.isfinite(column).all() for column in columns(chart))
+    # zoomed it is the present one's, still in Nm; one that is larger than the first is not cut
+    zoomed = drawn(BeforeAfter(tiny, first, first=first, zoomed=True))
+    assert zoomed.y.limits == pytest.approx((-1.05e-5, 1.05e-5)) and zoomed.y.unit == "Nm"
+    assert drawn(BeforeAfter(first, half, "model 1", first=tiny)).y.limits == pytest.approx((-0.105, 0.105))
+    # of a group that only the present model has
+    other = replace(first, residuals={})
+    assert len(drawn(BeforeAfter(first, other, first=other)).series) == 1
 
 
 def test_deflection_from_the_best_source(measurements: MeasurementSet) -> None:

@@ -10,6 +10,7 @@ from flexviz import view
 from flexviz.app.fleet import FleetTab
 from flexviz.app.page import Page, put
 from flexviz.app.page_script import PICTURE_LABEL
+from flexviz.app.residual_axis import ResidualAxis, before_after
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
 from flexviz.app.style import hidden
@@ -42,8 +43,12 @@ class PlotPanel:
         panel = page.gui.add_panel()
         if fleet:
             FleetTab(store, page, panel.add_tab("Fleet"), fleet)
+        signals = panel.add_tab("Signals")
+        with signals:
+            ResidualAxis(store, page, self._draw_signals)
         self._signals, self._states, self._convergence = (
-            ChartColumn(page.server, panel.add_tab(label)) for label in ("Signals", "States", "Convergence")
+            ChartColumn(page.server, tab)
+            for tab in (signals, panel.add_tab("States"), panel.add_tab("Convergence"))
         )
         self._turn: tuple[int, Diagnosis | None] = (0, None)  # of the tab to the proof of a verdict
         self._tab = page.gui.add_html(turn_html(0))
@@ -126,10 +131,9 @@ class PlotPanel:
     def _draw_signals(self) -> None:
         """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
-        which = store.group, store.joint, store.joint_name, result
-        self._signals.show(
-            (*view.signals_charts(*which, store.motion, store.span), *view.shape_charts(*which))
-        )
+        which = store.group, store.joint, store.joint_name
+        signals = view.signals_charts(*which, before_after(store), store.motion, store.span)
+        self._signals.show((*signals, *view.shape_charts(*which, result)))
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
@@ -211,6 +215,7 @@ class ResidualTab:
                 lambda _: self._draw(),
             )
             self._about = gui.add_html("")
+            ResidualAxis(store, page, self._draw)
         self.charts = ChartColumn(page.server, tab)
         store.subscribe(Changed.OPENED, lambda: put(self._variable, value=OFF))
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.SPAN
@@ -225,7 +230,7 @@ class ResidualTab:
         self._map.content = view.map_html(store.maps, store.measurements.joints, joint)
         self._groups.content = view.groups_html(self._samples, name)
         self._variable.visible = self._samples is not None
-        residual = view.time_residual(self._samples, name, store.group.name, store.span)
+        residual = view.time_residual(before_after(store), joint, name, store.group.name, store.span)
         marked = self._marked()
         self._range.visible = marked is not None
         if marked is not None and residual.series:

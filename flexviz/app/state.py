@@ -71,6 +71,7 @@ class ViewSettings:
     link_side: bool = False  # compare link sides instead of motor sides
     arcs: bool = True  # draw torque and deflection around the joints
     shadows: bool = True
+    zoomed: bool = False  # residuals over time on an axis of their own, not on the first model's
     beside: int | None = None  # model of the staircase that is compared with the shown one
     camera: tuple[str, int] = (VIEWS[0], 0)  # one of VIEWS, and how often it was asked for
 

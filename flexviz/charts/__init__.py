@@ -10,6 +10,7 @@ from flexviz.charts.chart import (
     ChartSeries,
     Ribbon,
     ShadedStage,
+    finite,
     no_chart,
     thin,
     time_chart,

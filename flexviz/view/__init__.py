@@ -28,6 +28,7 @@ from flexviz.view.fit_charts import (
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
 from flexviz.view.law_charts import law_chart, law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
+from flexviz.view.residual_time import BEFORE, BeforeAfter, time_residual
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     VARIABLES,
@@ -42,7 +43,6 @@ from flexviz.view.residuals import (
     range_html,
     spectrum_chart,
     stretches_of,
-    time_residual,
 )
 from flexviz.view.shape_charts import shape_charts
 from flexviz.view.staircase import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.arrays import Array, Bools
-from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb, thin
+from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb
 from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, ResidualMap
 from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95
@@ -226,32 +226,6 @@ class ResidualSamples:
         rows = self.rows(group)
         values = self.variables[variable][rows]
         return self.variables["time"][rows], (values >= low) & (values <= high)
-
-
-def time_residual(
-    found: ResidualSamples | None, name: str, shown: str, span: tuple[float, float] | None = None
-) -> Chart:
-    """One joint's residual over time [s] in the shown group, in a span, with the noise ribbon."""
-    if found is None:
-        return no_chart("time", EMPTY)
-    rows = found.rows(shown)
-    time, residual = found.variables["time"][rows], found.residual[rows]
-    if len(time) < 2:
-        return no_chart("time", left_out(shown))
-    if span is not None and np.count_nonzero(inside := (time >= span[0]) & (time <= span[1])) > 1:
-        time, residual = time[inside], residual[inside]
-    x, (values,) = thin(time, [residual])
-    half = np.full(len(x), NORMAL_95 * found.floor if np.isfinite(found.floor) else 0.0)
-    return Chart(
-        "time",
-        f"Residual of {name} against time, {shown}",
-        y=ChartAxis("residual", "Nm"),
-        series=(ChartSeries("residual", COLOURS.residual, x, values, 1.3),),
-        ribbons=(Ribbon("95 % of noise", COLOURS.reference, x, -half, half),),
-        playhead=True,
-        highlights=(),
-        height=HEIGHT,
-    ).spans(*(span or (time[0], time[-1])))
 
 
 def left_out(group: str) -> str:

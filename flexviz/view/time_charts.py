@@ -14,6 +14,7 @@ from flexviz.identification import Identification
 from flexviz.measurements import Group, Segment
 from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.scene import RobotMotion
+from flexviz.view.residual_time import BeforeAfter, over_time, residual_chart
 from flexviz.view.residuals import left_out
 from flexviz.wording import finding_name, number
 
@@ -41,10 +42,10 @@ def model_torque(
 
     The model torque is the measured torque minus the residual.
     """
-    series = None if result is None else result.residuals.get(group.name)
-    if series is None or not len(series.time):
+    found = over_time(result, group.name, joint)
+    if found is None:
         return None
-    time, residual = series.time, series.residual[:, joint]
+    time, residual = found
     return time, np.interp(time, *torque(group, joint)) - residual, residual
 
 
@@ -52,12 +53,13 @@ def signals_charts(
     group: Group,
     joint: int,
     name: str,
-    result: Identification | None,
+    fits: BeforeAfter,
     motion: RobotMotion | None,
     span: tuple[float, float] | None = None,
 ) -> tuple[Chart, ...]:
     """Torque, residual and motor-angle error of one joint, in a span of time [s]."""
     time, recorded = torque(group, joint)
+    result = fits.present
     first, last = span or (float(time[0]), float(time[-1]))
     time, recorded = within((first, last), time, recorded)
     lines = [("measured", COLOURS.measured, recorded)]
@@ -67,13 +69,13 @@ def signals_charts(
         second = no_chart("residual", why if result is None else left_out(group.name))
         shown = time
     else:
-        model_time, explained, residual = model
-        model_time, explained, residual = within((first, last), model_time, explained, residual)
+        model_time, explained, _ = within((first, last), *model)
         inside = (time >= model_time[0]) & (time <= model_time[-1])
         shown = time[inside]
         modelled = np.interp(shown, model_time, explained)
         lines = [("measured", COLOURS.measured, recorded[inside]), ("model", COLOURS.model, modelled)]
-        second = _signal("residual", f"Residual, {name}", model_time, COLOURS.residual, residual)
+        drawn = residual_chart(fits, joint, group.name, f"Residual, {name}", (first, last))
+        second = no_chart("residual") if drawn is None else replace(drawn, height=SIGNAL_HEIGHT)
     upper = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
     charts = (upper, second, _error_chart(joint, name, motion, (first, last)))
     return tuple(chart.spans(first, last) for chart in charts)
@@ -86,16 +88,13 @@ def within(span: tuple[float, float] | None, time: Array, *columns: Array) -> tu
     return time[rows], *(column[rows] for column in columns)
 
 
-def _signal(key: str, title: str, time: Array, colour: str, values: Array, unit: str = "Nm") -> Chart:
-    return time_chart(key, title, unit, time, [(key, colour, values)], height=SIGNAL_HEIGHT)
-
-
 def _error_chart(joint: int, name: str, motion: RobotMotion | None, span: tuple[float, float]) -> Chart:
     if motion is None or motion.model_theta is None:
         return no_chart("error")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
     time, error = within(span, motion.time, error)
-    return _signal("error", f"Simulated − measured θ, {name}", time, COLOURS.model, error, "rad")
+    lines = [("error", COLOURS.model, error)]
+    return time_chart("error", f"Simulated − measured θ, {name}", "rad", time, lines, height=SIGNAL_HEIGHT)
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:

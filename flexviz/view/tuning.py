@@ -28,12 +28,18 @@ class Cost:
     noise_floor: Array
 
 
-def residuals_html(found: ObservedResidual, joints: Sequence[str], chosen: int) -> str:
-    """Small multiples: the residual of every joint over time, with the band that noise alone would fill."""
+def residuals_html(
+    found: ObservedResidual, joints: Sequence[str], chosen: int, largest: Sequence[float] = ()
+) -> str:
+    """Small multiples: the residual of every joint over time, with the band that noise alone would fill.
+
+    `largest` [Nm], one per joint, is what their axes have to hold besides.
+    """
+    ends = largest or (0.0,) * len(joints)
     cards = [
         f'<div class="fv-multiple{" fv-chosen" if j == chosen else ""}">'
         f"<div><span>{escape(name)}</span> <b>{ratio(found.rms[j], found.noise_floor[j])}</b></div>"
-        f"{spark_svg(found.time, found.residual[:, j], float(found.noise_floor[j]))}"
+        f"{spark_svg(found.time, found.residual[:, j], float(found.noise_floor[j]), ends[j])}"
         f'<div class="fv-dim">{number(float(found.rms[j]), 3)} / {number(float(found.noise_floor[j]), 3)} Nm'
         "</div></div>"
         for j, name in enumerate(joints)
@@ -46,10 +52,10 @@ def ratio(rms: float, floor: float) -> str:
     return f"{number(rms / floor, 2)} × floor" if floor > 0 else "no noise"
 
 
-def spark_svg(time: Array, values: Array, floor: float) -> str:
-    """A line without axes, scaled to its largest value, in front of the band of the noise."""
+def spark_svg(time: Array, values: Array, floor: float, end: float = 0.0) -> str:
+    """A line without axes, scaled to its largest value or `end`, in front of the band of the noise."""
     x, (y,) = thin(time, [values], SPARK_POINTS)
-    largest = max(float(np.abs(y).max(initial=0.0)), NOISE_BAND * floor, 1e-300)
+    largest = max(float(np.abs(y).max(initial=0.0)), NOISE_BAND * floor, end, 1e-300)
     across = SPARK_WIDTH * (x - x[0]) / max(float(x[-1] - x[0]), 1e-12)
     middle = SPARK_HEIGHT / 2
     down = middle * (1 - 0.95 * y / largest)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.app.page import Page, dim, put, warning
+from flexviz.app.residual_axis import before_after
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
@@ -103,7 +104,9 @@ class LiveResidual:
             f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise floor; band: '
             "noise alone)</span></div>"
         )
-        self._show(head, residuals_html(found, store.measurements.joints, store.joint))
+        fits, joints = before_after(store), store.measurements.joints
+        ends = [fits.largest(store.group.name, joint) for joint in range(len(joints))]
+        self._show(head, residuals_html(found, joints, store.joint, ends))
         self._draw_trade()
 
     def _show(self, head: str, grid: str = "") -> None:
