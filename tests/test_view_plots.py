@@ -202,6 +202,7 @@ def test_before_and_after_are_on_one_axis(measurements: MeasurementSet) -> None:
     # zoomed it is the present one's, still in Nm; one that is larger than the first is not cut
     zoomed = drawn(BeforeAfter(tiny, first, first=first, zoomed=True))
     assert zoomed.y.limits == pytest.approx((-1.05e-5, 1.05e-5)) and zoomed.y.unit == "Nm"
+    assert [line.colour for line in zoomed.series] == [COLOURS.residual]
     assert drawn(BeforeAfter(first, half, "model 1", first=tiny)).y.limits == pytest.approx((-0.105, 0.105))
     # of a group that only the present model has
     other = replace(first, residuals={})

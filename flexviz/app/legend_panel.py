@@ -6,7 +6,7 @@ from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.session import standing
-from flexviz.view import OF_EARLIER, joints_html, legend_html, model_name, run_name
+from flexviz.view import OF_EARLIER, joints_html, legend_html, model_name, name_with_error
 
 WIDTH = 300  # [pixels]
 
@@ -23,7 +23,7 @@ def model_names(store: Store) -> tuple[str, ...]:
         model_name(models, joints, number, spread)
         for number in (len(store.analysis.model_steps) - 1, store.view.beside or 0)
     ]
-    shown = names[0] if now.errors == "verdict" else run_name(store.analysis, joints)
+    shown = names[0] if now.errors == "verdict" else name_with_error("Run", store.errors, spread)
     return f"{shown}{earlier}", names[1]
 
 

@@ -13,7 +13,7 @@ from flexviz.session import first_fit, fit_before
 from flexviz.view import BEFORE, BeforeAfter
 
 ZOOM = "Zoom to present"
-HINT = "off: on the axis of the session's first model, with the residual before in grey"
+HINT = "off: on the axis of the session's first model, together with the residual before in grey"
 
 
 def before_after(store: Store) -> BeforeAfter:

@@ -49,6 +49,7 @@ from flexviz.view.staircase import (
     StaircaseRun,
     model_name,
     model_runs,
+    name_with_error,
     run_name,
     staircase_chart,
     staircase_charts,

@@ -26,7 +26,7 @@ class BeforeAfter:
         before: an earlier fit, or that of *Compare with*, in grey.
         name: what `before` is called.
         first: the first fit of the session, whose residual sets the axis.
-        zoomed: whether the axis suits the present residual instead.
+        zoomed: whether the present residual is drawn alone, on an axis that suits it.
     """
 
     present: Identification | None
@@ -73,7 +73,8 @@ def residual_chart(
     whole = time[0], time[-1]
     if span is not None and np.count_nonzero(inside := (time >= span[0]) & (time <= span[1])) > 1:
         time, values = time[inside], values[inside]
-    before = None if fits.before is fits.present else over_time(fits.before, group, joint)
+    alone = fits.zoomed or fits.before is fits.present  # zoomed, a larger residual would be vertical strokes
+    before = None if alone else over_time(fits.before, group, joint)
     x, (drawn, *grey) = thin(time, [values] if before is None else [values, np.interp(time, *before)])
     lines = [ChartSeries(fits.name, COLOURS.reference, x, other, 1.0) for other in grey]
     lines.append(ChartSeries("residual", COLOURS.residual, x, drawn, 1.4))

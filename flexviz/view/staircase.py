@@ -107,8 +107,15 @@ def model_name(
     """ "model 1 (0.12 %)": its number in the staircase, and its error over all joints, held out if known."""
     ends = [last for _, _, last in model_runs(model_steps, joints)]
     found = next((count for count, last in enumerate(ends) if last >= index), index)
-    error = one_error(_judged(model_steps[index].step)[-1], None, spread)
-    return f"model {found} ({wording.number(error, 2)} {'%' if spread else 'Nm'})"
+    return name_with_error(f"model {found}", model_steps[index].step, spread)
+
+
+def name_with_error(name: str, errors: Step | PredictionErrors | None, spread: Sequence[float] = ()) -> str:
+    """A name with the error over all joints, held out if known, as far as there are `errors`."""
+    if errors is None:
+        return name
+    error = one_error(_judged(errors)[-1], None, spread)
+    return f"{name} ({wording.number(error, 2)} {'%' if spread else 'Nm'})"
 
 
 def staircase_chart(
@@ -270,9 +277,7 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
     result, fitted = analysis.identification, analysis.fitted_settings
     if result is None or fitted is None:
         return ""
-    width = wording.listed(
-        [wording.number(float(w), 3) for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())]
-    )
+    width = wording.listed([f"{w:.3g}" for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())])
     added = ", ".join(wording.text_names(fitted.effects, joints))
     return (
         f"Run{f' with {added}' if added else ''}: {result.observer_name}, {width} rad/s"

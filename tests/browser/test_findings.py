@@ -91,7 +91,7 @@ def test_what_a_diagnosis_offers(
     button(page, "Run").click()
     until(lambda: "iterations in" in status(page), what="a result")
     tab(page, "Compare").click()
-    until(lambda: "● shown, not diagnosed" in page.inner_text("body"), what="the run in the staircase")
+    until(lambda: ", 80 rad/s ● shown" in page.inner_text("body"), what="the run in the staircase")
     button(page, "Diagnose").click()
     until(lambda: page.locator(".fv-verdict s").count() == 1, SOON, "the verdict struck through")
     assert "look again" in verdict.inner_text()

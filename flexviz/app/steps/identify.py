@@ -104,7 +104,7 @@ class IdentifyStep(WorkflowStep):
         message = f": {result.message}" if result.message and not result.converged else ""
         how = "stopped" if result.stopped else how
         text = ". ".join([f"{how} after {count} in {number(result.seconds, 3)} s{message}", *told])
-        self.store.say(text, "bad" if not result.converged else "warn" if told else "")
+        self.store.say(text.removesuffix("."), "bad" if not result.converged else "warn" if told else "")
 
     def _draw_table(self) -> None:
         result, truth = self.store.analysis.identification, self.store.opened.truth
