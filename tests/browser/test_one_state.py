@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.browser.page import SOON, button, chart, choose, row, status, tab, tick, until, well_laid_out
+from tests.browser.page import (
+    SOON,
+    button,
+    chart,
+    choose,
+    press,
+    row,
+    status,
+    tab,
+    tick,
+    until,
+    well_laid_out,
+)
 
 pytestmark = pytest.mark.browser
 STEPS = ("Data", "Observer", "Identify", "Diagnose")
@@ -124,8 +136,8 @@ def test_after_a_run_no_text_is_of_the_model_before(
     well_laid_out(page)
 
     # with the state the verdict comes back
-    for _ in range(3):  # the result, the bandwidth and the observer
-        button(page, "Undo").click()
-    until(lambda: verdict.locator("s").count() == 0, what="the verdict again")
+    for action in ("identified", "bandwidth", "observer eso"):
+        press(page, "Undo", lambda action=action: f"undone: {action}" in status(page))
+    until(lambda: verdict.locator("s").count() == 0, SOON, "the verdict again")
     until(lambda: old[0] in status(page) and "earlier" not in status(page), SOON, "its error")
     assert "Done" in page.locator(".fv-next").inner_text()
