@@ -41,7 +41,7 @@ class Application:
         self.tasks = TaskRunner(self.queue, lambda reason: self.store.fail(reason))
         self.store = Store(opened, STEPS[0].title, self.tasks, self.page.alert)
         self.dock = Dock(self.store, self.page, STEPS)
-        self.display = Display(self.store, server, self.queue)
+        self.display = Display(self.store, self.page, self.queue)
         self.plots = PlotPanel(self.store, self.page, list(fleet))
         self.legend = LegendPanel(self.store, self.page)
         self.playback_panel = PlaybackPanel(self.store, self.page)

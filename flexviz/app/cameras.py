@@ -2,120 +2,131 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
 import numpy as np
 import viser
 
-from flexviz.scene import FIELD_OF_VIEW, SceneLayout
+from flexviz.errors import InputError
+from flexviz.scene import FIELD_OF_VIEW, Box, SceneLayout, Screen
+from flexviz.schemas import shown
 
-MOVED_CAMERA = 0.02  # share of the stage's width; users move the camera farther
-PLAYBACK_HEIGHT, LEGEND_HEIGHT, ROW_HEIGHT = 215.0, 140.0, 18.5  # [pixels] of what covers the canvas
-USUAL_HEIGHT = 850.0  # [pixels] of the canvas; browsers tell theirs in device pixels
-SAME_ASPECT = 0.02  # tolerance of width ÷ height; the number of pixels varies in slow browsers
-SIZE_INTERVAL = 2.0  # [s] between requests of the canvas size
-HIDDEN_AFTER = 8.0  # [s] without an answer: the page is hidden, its browser draws nothing
-RESTING = 1.0  # [s] a camera has not moved: nobody is turning it
+HIDDEN_AFTER = 8.0  # [s] without news: the page is hidden, its browser draws nothing and reports nothing
+SMALLEST = 40.0  # [pixels] width and height of a canvas that shows something
+LARGEST = 20_000.0  # [pixels]
+MOST_PANELS = 4
+THERE = 1e-3  # of the distance by which a camera may be away from where it was pointed
 
 
 @dataclass
-class View:
-    """Where a browser's camera was pointed, and until it is there, where it was pointed before."""
+class Browser:
+    """One browser: its canvas, and where its camera was pointed."""
 
-    position: np.ndarray
-    look_at: np.ndarray
-    before: tuple[np.ndarray, ...]
+    screen: Screen
+    moves: int = 0  # by which its user has moved the camera
+    aimed_after: int = 0  # of these, the last before the camera was pointed by the view's name
+    position: np.ndarray | None = None
+    look_at: np.ndarray | None = None
+    heard: float = 0.0  # [s, monotonic]
 
 
 class Cameras:
-    """The camera of every browser, pointed at both robots until its user moves it."""
+    """Every browser's camera shows all robots: after each change of its canvas, and until its user moves it.
+
+    One that was moved keeps its direction, and is fitted anew only when the window changes its size. The
+    page's script reports the canvas in CSS pixels, the panels over it, and the user's moves.
+    """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
-        self._views: dict[int, View] = {}
-        self._answered: dict[int, float] = {}  # browser -> its last answer [s, monotonic]
-        self._nudged = 1e-4  # relative camera motion that triggers an update
-        self._asked = 0.0  # last request of the canvas size [s, monotonic]
+        self._browsers: dict[int, Browser] = {}
         server.scene.set_up_direction("+z")
         server.scene.configure_default_lights(cast_shadow=False)
 
-    def show(self, stage: SceneLayout, layout: str, view: str, robots: int, joints: int) -> None:
-        """Point all cameras at the robots placed by `layout`, from the side that `view` names.
-
-        The legend has a row for each of the `joints`.
-        """
+    def show(self, stage: SceneLayout, layout: str, view: str, robots: int) -> None:
+        """Point all cameras at the robots placed by `layout`, from the side that `view` names."""
         self._stage, self._layout, self._view, self._robots = stage, layout, view, robots
-        legend = LEGEND_HEIGHT + ROW_HEIGHT * joints
-        self._hidden = (legend / USUAL_HEIGHT, PLAYBACK_HEIGHT / USUAL_HEIGHT)
-        self._begin, look = stage.camera(layout, hidden=self._hidden, view=view, count=robots)
-        self._server.initial_camera.position = tuple(self._begin)  # type: ignore[assignment]
+        position, look = stage.camera(layout, stage.direction(view), robots)
+        self._server.initial_camera.position = tuple(position)  # type: ignore[assignment]
         self._server.initial_camera.look_at = tuple(look)  # type: ignore[assignment]
         self._server.initial_camera.fov = FIELD_OF_VIEW
-        for client in self._server.get_clients().values():
-            self.aim(client)
+        for number, browser in self._browsers.items():
+            browser.aimed_after = browser.moves
+            self._aim(number)
 
-    def aim(self, client: viser.ClientHandle) -> None:
-        """Point one browser's camera at both robots, as close as its window allows."""
-        self._aimed[client.client_id] = aspect = _aspect(client)
-        self._answered.setdefault(client.client_id, time.monotonic())
-        camera, look = self._stage.camera(self._layout, aspect, self._hidden, self._view, self._robots)
-        last = self._views.get(client.client_id)
-        before = () if last is None else (*last.before, last.position)
-        self._views[client.client_id] = view = View(camera, look, before)
-        self._point(client, view)
-
-    def _point(self, client: viser.ClientHandle, view: View) -> None:
-        with client.atomic():
-            client.camera.position = view.position * (1.0 + self._nudged)
-            client.camera.look_at = view.look_at
+    def joined(self, client: viser.ClientHandle) -> None:
+        """Point the camera of a new browser; its first message has the size of its canvas."""
+        camera = client.camera
+        screen = Screen(max(camera.image_width, 1), max(camera.image_height, 1))
+        self._browsers[client.client_id] = Browser(screen, heard=time.monotonic())
+        self._aim(client.client_id)
 
     def gone(self, client: viser.ClientHandle) -> None:
-        self._aimed.pop(client.client_id, None)
-        self._views.pop(client.client_id, None)
-        self._answered.pop(client.client_id, None)
+        self._browsers.pop(client.client_id, None)
+
+    def heard(self, number: int) -> None:
+        """Take note that a browser draws."""
+        if number in self._browsers:
+            self._browsers[number].heard = time.monotonic()
 
     def watched(self) -> bool:
-        """Whether a page is shown: a hidden one does not answer, because its browser does not draw it."""
-        return any(time.monotonic() - seen < HIDDEN_AFTER for seen in list(self._answered.values()))
+        """Whether a page is shown."""
+        return any(time.monotonic() - one.heard < HIDDEN_AFTER for one in list(self._browsers.values()))
 
-    def resized(self, client: viser.ClientHandle) -> None:
-        """Aim again if the canvas size has changed and the user has not moved the camera."""
-        if client.client_id in self._aimed:
-            self._answered[client.client_id] = time.monotonic()
-        view = self._views.get(client.client_id)
-        if view is not None and self._near(client, view.position):
-            view.before = ()
-        now = _aspect(client)
-        changed = abs(self._aimed.get(client.client_id, now) / now - 1.0) >= SAME_ASPECT
-        if changed and self._unmoved(client.client_id, client):
-            self.aim(client)
-
-    def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
-        """Whether the user has not moved this browser's camera."""
-        view = self._views.get(number)
-        if view is None:
-            return False
-        # a browser may apply the initial camera after it was aimed, and report an earlier view late
-        return any(self._near(client, ours) for ours in (view.position, self._begin, *view.before))
-
-    def _near(self, client: viser.ClientHandle, place: np.ndarray) -> bool:
-        away = float(np.linalg.norm(client.camera.position - place))
-        return away < MOVED_CAMERA * self._stage.width
-
-    def tick(self) -> None:
-        """Ask every browser for its canvas size, which it sends only when its camera moves."""
-        if time.monotonic() - self._asked < SIZE_INTERVAL:
+    def reported(self, told: tuple[int, str]) -> None:
+        """Take a browser's number and its report (`read_report`); a hidden canvas changes nothing."""
+        number, (screen, moves) = told[0], read_report(told[1])
+        browser = self._browsers.get(number)
+        if browser is None:
             return
-        self._asked = time.monotonic()
-        self._nudged = -self._nudged  # once for all: where it was before, a camera does not move
-        for number, client in self._server.get_clients().items():
-            if self._unmoved(number, client):
-                self._point(client, self._views[number])
-            elif time.monotonic() - self._answered.get(number, 0.0) > RESTING:
-                client.camera.position = client.camera.position * (1.0 + self._nudged)
+        self.heard(number)
+        browser.moves = moves
+        if min(screen.width, screen.height) < SMALLEST:
+            return
+        before, browser.screen = browser.screen, screen
+        if moves > browser.aimed_after:
+            if (before.width, before.height) != (screen.width, screen.height):
+                self._aim(number)
+        elif screen != before or not self._there(number):  # a late initial camera of viser's may override
+            self._aim(number)
+
+    def _aim(self, number: int) -> None:
+        """Fit all robots into one browser's canvas."""
+        browser, client = self._browsers[number], self._server.get_clients().get(number)
+        if client is None or min(browser.screen.width, browser.screen.height) < SMALLEST:
+            return
+        towards = self._stage.direction(self._view)
+        if browser.moves > browser.aimed_after:
+            towards = client.camera.position - client.camera.look_at
+        position, look = self._stage.camera(self._layout, towards, self._robots, browser.screen)
+        browser.position, browser.look_at = position, look
+        with client.atomic():
+            client.camera.position = position
+            client.camera.look_at = look
+
+    def _there(self, number: int) -> bool:
+        """Whether a browser's camera is where it was pointed."""
+        browser, client = self._browsers[number], self._server.get_clients().get(number)
+        if client is None or browser.position is None or browser.look_at is None:
+            return client is None
+        near = THERE * float(np.linalg.norm(browser.position - browser.look_at))
+        pairs = ((client.camera.position, browser.position), (client.camera.look_at, browser.look_at))
+        return all(bool(np.linalg.norm(now - ours) < near) for now, ours in pairs)
 
 
-def _aspect(client: viser.ClientHandle) -> float:
-    return max(client.camera.image_width, 1) / max(client.camera.image_height, 1)
+def read_report(text: str) -> tuple[Screen, int]:
+    """Canvas and number of the user's moves of the camera, from "ID WIDTH HEIGHT MOVES L,T,R,B …" [pixels]."""
+    words = text.split()
+    try:
+        if not 4 <= len(words) <= 4 + MOST_PANELS:
+            raise ValueError
+        width, height, moves = float(words[1]), float(words[2]), int(words[3])
+        boxes = tuple(Box(*map(float, word.split(","))) for word in words[4:])
+    except (ValueError, TypeError):
+        raise InputError(f"{shown(text)} is no report of a canvas") from None
+    numbers = [width, height, *(number for box in boxes for number in box)]
+    if not all(math.isfinite(number) and 0 <= number <= LARGEST for number in numbers) or moves < 0:
+        raise InputError(f"{shown(text)} is no report of a canvas: numbers from 0 to {LARGEST:g} are expected")
+    return Screen(width, height, boxes), moves

@@ -10,10 +10,13 @@ import viser
 from flexviz.app.cameras import Cameras
 from flexviz.app.events import Event, EventQueue
 from flexviz.app.legend_panel import model_names
+from flexviz.app.page import Page
+from flexviz.app.page_script import SCREEN_LABEL
 from flexviz.app.playback import Playback
 from flexviz.app.scene import Scene
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
+from flexviz.app.style import hidden
 from flexviz.scene import SIDE_BY_SIDE, scene_labels, scene_layout
 
 TRAIL_POINTS = 160
@@ -27,9 +30,11 @@ class Display:
 
     scene: Scene
 
-    def __init__(self, store: Store, server: viser.ViserServer, queue: EventQueue) -> None:
-        self._store, self._server, self._queue = store, server, queue
+    def __init__(self, store: Store, page: Page, queue: EventQueue) -> None:
+        self._store, self._server, self._queue = store, page.server, queue
+        server = page.server
         self._cameras = cameras = Cameras(server)
+        page.style(hidden, page.client_text(SCREEN_LABEL, cameras.reported, each=True))
         self.watched = cameras.watched  # whether a page is shown
         self.playback = Playback(store.clock, lambda: self.watched())
         self._placed: tuple[str, tuple[str, int], int] | None = None  # layout, camera, robots
@@ -41,16 +46,16 @@ class Display:
             self._draw,
         )  # fmt: skip
         store.subscribe(Changed.HIGHLIGHT, self._mark)
-        store.subscribe(Changed.TICK, cameras.tick)
         store.subscribe(Changed.CLOSED, self.playback.close)
 
         @server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
-            queue.call(cameras.aim, client)
+            queue.call(cameras.joined, client)
 
             @client.camera.on_update
             async def _(camera: viser.CameraHandle) -> None:
-                queue.put(Event(("resized", camera.client.client_id), cameras.resized, camera.client))
+                number = camera.client.client_id
+                queue.put(Event(("heard", number), cameras.heard, number))
 
         @server.on_client_disconnect
         async def _(client: viser.ClientHandle) -> None:
@@ -78,8 +83,7 @@ class Display:
         with self.playback.lock:
             self.playback.draw = None
             self.scene.place(view.layout, robots)
-            joints = self._store.measurements.n
-            self._cameras.show(self._stage, view.layout, view.camera[0], robots, joints)
+            self._cameras.show(self._stage, view.layout, view.camera[0], robots)
         self._carry()
 
     def _carry(self) -> None:

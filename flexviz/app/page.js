@@ -2,7 +2,7 @@
 // at every plot, small numbers in plots, tooltips that close.
 // The values go into the page's own controls, as if they had been typed, and are checked there.
 if (!window.flexvizPage) {
-  window.flexvizPage = true;
+  const own = window.flexvizPage = {};  // what layout.js uses, too
   const asksForDark = new URLSearchParams(window.location.search).has('darkMode');  // and viser shows nothing else
   document.documentElement.classList.toggle('fv-dark', asksForDark);
   const CLICK = 4;  // [px] a press may move; more is a drag, which zooms
@@ -19,6 +19,10 @@ if (!window.flexvizPage) {
     return row ? [...row.querySelectorAll('input:not([type=hidden])')] : [];
   };
 
+  const page = Math.random().toString(36).slice(2, 10);  // browsers must not write the same text twice
+  let told = 0;
+  own.tell = (label, text) => inputs(label).slice(0, 1).forEach(input => type(input, `${page}.${told += 1} ${text}`));
+
   let down = null;
   document.addEventListener('mousedown', e => {
     const place = over(e);
@@ -31,13 +35,13 @@ if (!window.flexvizPage) {
     const left = from.place.getBoundingClientRect().left;
     const [first, last] = [from.x, e.clientX].map(x => chart.posToVal(x - left, 'x')).sort((a, b) => a - b);
     if (Math.hypot(e.clientX - from.x, e.clientY - from.y) <= CLICK) {
-      inputs('TIME').slice(0, 1).forEach(input => type(input, last.toFixed(2)));
+      own.tell('TRANSPORT', `seek ${last.toFixed(2)}`);
     } else if (Math.abs(e.clientX - from.x) > CLICK) {
-      inputs('SPAN').slice(0, 1).forEach(input => type(input, `${first.toFixed(2)} – ${last.toFixed(2)}`));
+      own.tell('TRANSPORT', `span ${first.toFixed(2)} – ${last.toFixed(2)}`);
     }
   }, true);
   document.addEventListener('dblclick', e => {
-    if (over(e) && timed(over(e))) inputs('SPAN').slice(0, 1).forEach(input => type(input, 'all'));
+    if (over(e) && timed(over(e))) own.tell('TRANSPORT', 'span all');
   }, true);
 
   document.addEventListener('click', e => {
@@ -63,22 +67,6 @@ if (!window.flexvizPage) {
     };
     box.append(button);
   }, true);
-
-  // a verdict shows the law through its data: the number of the element grows with each
-  const press = tab => {  // tabs of the dock can be dragged, and so do not listen to clicks
-    const box = tab.getBoundingClientRect(), at = { clientX: box.left + 5, clientY: box.top + 5 };
-    ['pointerdown', 'pointerup'].forEach(kind => tab.dispatchEvent(new PointerEvent(
-      kind, { bubbles: true, pointerId: 1, isPrimary: true, buttons: Number(kind === 'pointerdown'), ...at })));
-  };
-  let turn = null;
-  setInterval(() => {
-    const shown = document.querySelector('[data-fv-turn]'), now = shown && shown.dataset.fvTurn;
-    if (now && turn !== null && now !== turn) {
-      const tabs = [...document.querySelectorAll('[role=tab]')];
-      tabs.filter(one => one.textContent.trim() === shown.dataset.fvTab).forEach(press);
-    }
-    turn = now || turn;
-  }, 200);
 
   // uPlot rounds to thousandths, and all smaller values would read 0
   const usual = new Intl.NumberFormat(undefined, { maximumSignificantDigits: 6 });

@@ -14,6 +14,7 @@ from typing import Any
 import viser
 
 from flexviz.app.events import Event, EventQueue
+from flexviz.app.layout import LAYOUT
 from flexviz.app.page_script import picture
 from flexviz.app.style import CSS, Tooltips, in_row
 
@@ -82,7 +83,7 @@ class Page:
         self.call = queue.call  # lets the loop call `action(value)`; thread-safe
         self.commands = Commands(server, queue)
         self.tooltips = Tooltips()
-        self.rules = [CSS]
+        self.rules = [CSS, LAYOUT]
         self._pictures: dict[int, Any] = {}  # browser -> the last one sent
 
     def watch(self, handle: Any, action: Callable[[Any], None] = lambda _: None) -> Any:
@@ -131,10 +132,13 @@ class Page:
         self.tooltips.add(handle)
         return handle
 
-    def client_text(self, label: str, action: Callable[[tuple[int, str]], None]) -> Any:
-        """A text that calls `action((client, text))` with the number of the browser."""
+    def client_text(
+        self, label: str, action: Callable[[tuple[int, str]], None], each: bool = False
+    ) -> Any:
+        """A text that calls `action((client, text))` with the number of the browser; `each`: for every one."""
         handle = self.gui.add_text(label, "")
-        handle.on_update(self._told(handle, lambda event: (event.client_id, event.target.value), action))
+        told = self._told(handle, lambda event: (event.client_id, event.target.value), action, each)
+        handle.on_update(told)
         return handle
 
     def upload(self, label: str, action: Callable[[Any], None], **look: Any) -> Any:

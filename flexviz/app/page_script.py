@@ -1,6 +1,6 @@
-"""The script on the page: clicks into plots and lists, zooms, names under the pointer, pictures of plots.
+"""The scripts on the page: clicks into plots and lists, zooms, names under the pointer, pictures of plots, layout.
 
-viser reports none of them, so `page.js` writes them into controls; it comes with an element of the page.
+viser reports none of them, so `page.js` and `layout.js` write them into controls; they come with an element of the page.
 """
 
 from __future__ import annotations
@@ -9,10 +9,11 @@ import base64
 import json
 from pathlib import Path
 
+from flexviz.app import layout
 from flexviz.charts import TIME
 from flexviz.wording import escape
 
-TIME_LABEL, SPAN_LABEL, PICTURE_LABEL = "Time [s]", "Span [s]", "Plot to save"  # of the controls
+TRANSPORT_LABEL, SCREEN_LABEL, PICTURE_LABEL = "Playback command", "Canvas", "Plot to save"  # hidden texts
 NUMBER_LABEL, OPEN_LABEL = "Set no.", "Open set"  # of the list of a batch's sets
 PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
 SAVE = """
@@ -29,11 +30,14 @@ c.toBlob(b => {
 
 
 def page_script() -> str:
-    """The script as an element (HTML)."""
-    text = (Path(__file__).parent / "page.js").read_text(encoding="utf-8")
+    """The scripts as an element (HTML)."""
+    folder = Path(__file__).parent
+    text = "".join((folder / name).read_text(encoding="utf-8") for name in ("page.js", "layout.js"))
+    for name in ("WITH_BAR", "LOW", "WITH_TABS", "ONE_COLUMN"):
+        text = text.replace(f" {name}", f" {getattr(layout, name)}")
     for name, value in (
-        ("TIME", TIME_LABEL),
-        ("SPAN", SPAN_LABEL),
+        ("TRANSPORT", TRANSPORT_LABEL),
+        ("SCREEN", SCREEN_LABEL),
         ("AXIS", TIME.text),
         ("PICTURE", PICTURE_LABEL),
         ("NUMBER", NUMBER_LABEL),

@@ -38,6 +38,10 @@ class PlaybackClock:
             if self._since is None:
                 self._since = self._now()
 
+    def toggle(self) -> None:
+        """Pause while it plays, else play."""
+        self.pause() if self.playing else self.play()
+
     def pause(self) -> None:
         with self._lock:
             self._time, self._since = self._at(), None
@@ -60,7 +64,9 @@ class PlaybackClock:
 
     @property
     def playing(self) -> bool:
-        return self._since is not None
+        """Whether it runs; without a loop it stops at the end."""
+        with self._lock:
+            return self._since is not None and (self.loop or self._at() < self._end)
 
     @property
     def time(self) -> float:

@@ -1,4 +1,8 @@
-"""The floating panel under the robots: playback, layout, exaggeration."""
+"""The floating panel under the robots: playback, layout, exaggeration; and what the page's own bar asks for.
+
+On a narrow page a bar takes the place of the panel (`layout.js`): it draws what `state_html` tells and writes
+into a hidden text what is pressed on it.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +13,31 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from flexviz.app.page import Page, dim, off
-from flexviz.app.page_script import SPAN_LABEL, TIME_LABEL, page_script
+from flexviz.app.page import Page, dim, off, put
+from flexviz.app.page_script import TRANSPORT_LABEL, page_script
 from flexviz.app.playback import SPEEDS
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
-from flexviz.app.style import half, no_label
+from flexviz.app.style import half, hidden, no_label
+from flexviz.errors import InputError
 from flexviz.scene import LAYOUTS, VIEWS
+from flexviz.schemas import shown
 from flexviz.wording import escape
 
-PLAY, PAUSE, BACK, FORWARD = BUTTONS = ("Play", "Pause", "◀ Step", "Step ▶")
+PLAY, PAUSE, BACK, FORWARD = "Play", "Pause", "◀ Step", "Step ▶"
 FRAME = 1.0 / 30.0  # [s] one press of a step button at speed 1
 SCRUB_REST = 0.8  # [s] without automatic updates after the user has moved the time slider
 SIDES = ("motor side θ", "link side q")
 NUMBER = re.compile(r"(?<!\d)-?\d+\.?\d*")
 MAX_TYPED = 40  # characters of a span
 SPEED_NAMES = tuple(f"{speed:g}×" for speed in SPEEDS)
+COMMAND = re.compile(r"\S+ (toggle|back|forward|seek|span) ?(.*)", re.DOTALL)  # after an own number
+
+
+def state_html(playing: bool, time: float, span: tuple[float, float]) -> str:
+    """What the bar on a narrow page shows: whether it plays, the instant and the span [s]."""
+    ends = f'data-first="{span[0]:.2f}" data-last="{span[1]:.2f}"'
+    return f'<i id="fv-clock" data-playing="{int(playing)}" data-time="{time:.2f}" {ends} hidden></i>'
 
 
 class PlaybackPanel:
@@ -36,17 +49,16 @@ class PlaybackPanel:
         self._scrubbed, self._typed = 0.0, ""
         panel = gui.add_panel()
         with panel.add_tab("Playback"):
-            buttons = page.choose(gui.add_button_group("", BUTTONS), self._press)
-            self._time = page.watch(gui.add_slider(TIME_LABEL, 0.0, 1.0, 0.01, 0.0), self._scrub)
+            self._buttons = page.choose(gui.add_button_group("", (PLAY, BACK, FORWARD)), self._press)
+            self._time = page.watch(gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0), self._scrub)
             speed = page.dropdown("Speed", SPEED_NAMES, self._set_speed, initial_value="1×")
             hint = "what is played and drawn; drag across a plot to choose it, double click for all of it"
-            self._span = page.watch(gui.add_text(SPAN_LABEL, "", hint=hint), self._set_span)
+            self._span = page.watch(gui.add_text("Span [s]", "", hint=hint), self._set_span)
             hint = "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q"
             deflection = gui.add_slider("Deflection ×", 0, 500, 1, 1, hint=hint)
             self._deflection = page.watch(deflection, self._set("deflection"))
             hint = "exaggerates simulated − measured motor angle of the identified robot"
             page.watch(gui.add_slider("Error ×", 1, 500, 1, 1, hint=hint), self._set("error"))
-            gui.add_html(page_script())
         with panel.add_tab("View"):
             self._layout = page.dropdown("Layout", LAYOUTS, self._set("layout"))
             self._side = page.dropdown("Side", SIDES, lambda side: self._change(link_side=side == SIDES[1]))
@@ -58,7 +70,10 @@ class PlaybackPanel:
             loop = page.checkbox("Loop", True, self._loop, hint="starts again at the end of the span")
             self._note = gui.add_html("")
         panel.float(x=12, y=-12, width=488)
-        page.style(no_label, buttons)
+        page.style(hidden, page.client_text(TRANSPORT_LABEL, self._command, each=True))
+        self._state = gui.add_html("")
+        gui.add_html(page_script())
+        page.style(no_label, self._buttons)
         for handle in (speed, self._span, self._layout, self._side, arcs, shadows, loop):
             page.style(half, handle)
         page.command("Play or pause", self._toggle, "space", shared=True)
@@ -111,28 +126,48 @@ class PlaybackPanel:
             self._change(link_side=False)
 
     def _tick(self) -> None:
-        """Let the time slider follow the clock, unless the user holds it."""
+        """Let the time slider follow the clock, unless the user holds it; show whether it plays."""
         if self._clock.playing:
             self._follow()
+        self._show_state()
+
+    def _show_state(self) -> None:
+        playing = self._clock.playing
+        put(self._buttons, options=(PAUSE if playing else PLAY, BACK, FORWARD))
+        put(self._state, content=state_html(playing, self._clock.time, self._store.span))
 
     def _follow(self) -> None:
         if time.monotonic() - self._scrubbed > SCRUB_REST:
             self._time.value = round(self._clock.time, 2)
 
     def _press(self, button: str) -> None:
-        if button == PLAY:
-            self._clock.play()
-        elif button == PAUSE:
-            self._clock.pause()
+        if button in (PLAY, PAUSE):
+            self._clock.toggle()
         else:
             self._clock.step(FRAME if button == FORWARD else -FRAME)
         self._follow()
+        self._show_state()
+
+    def _command(self, told: tuple[int, str]) -> None:
+        """Do what was pressed on the bar or in a plot: "NUMBER VERB VALUE"."""
+        found = COMMAND.fullmatch(told[1])
+        verb, value = found.groups() if found else ("", "")
+        if verb in ("toggle", "back", "forward"):
+            self._press({"toggle": PLAY, "back": BACK, "forward": FORWARD}[verb])
+        elif verb == "span":
+            self._set_span(value)
+        elif verb == "seek" and (instant := NUMBER.fullmatch(value)):
+            self._clock.seek(float(instant[0]))
+            self._follow()
+            self._show_state()
+        else:
+            raise InputError(f"{shown(told[1])} is nothing that the playback can do")
 
     def _set_speed(self, name: str) -> None:
         self._clock.set_speed(SPEEDS[SPEED_NAMES.index(name)])
 
     def _toggle(self) -> None:
-        self._press(PAUSE if self._clock.playing else PLAY)
+        self._press(PLAY)
 
     def _scrub(self, value: float) -> None:
         self._scrubbed = time.monotonic()

@@ -1,17 +1,13 @@
 """The 3D scene as plain data: robot shapes, motion, placement, and arcs of torque and deflection."""
 
 from flexviz.scene.arcs import arc_arrow, joint_axes
+from flexviz.scene.framing import FIELD_OF_VIEW, Box, Screen
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.scene.shape import (
-    FIELD_OF_VIEW,
-    LAYOUTS,
-    SIDE_BY_SIDE,
-    VIEWS,
     RobotShape,
-    SceneLayout,
     geometry_mesh,
     payload_place,
     robot_shape,
-    scene_layout,
     thinned_mesh,
 )
+from flexviz.scene.stage import LAYOUTS, SIDE_BY_SIDE, VIEWS, SceneLayout, scene_layout

@@ -1,4 +1,4 @@
-"""The robot's shape: one simplified mesh per rigid body, for drawing only; and its place on the stage.
+"""The robot's shape: one simplified mesh per rigid body, for drawing only.
 
 Collision geometry is preferred to visual geometry; large meshes are decimated. Robots without any geometry
 and links whose mesh is missing are drawn as capsules between joint frames.
@@ -18,10 +18,6 @@ from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import resolve_mesh
 
 MAX_FACES = 3000  # of a link's mesh; larger ones are decimated
-FIELD_OF_VIEW = np.radians(50.0)  # vertical
-LAYOUTS = SIDE_BY_SIDE, OVERLAID = ("Side by side", "Overlaid")
-APART = 2.24  # between the bases of neighbouring robots, relative to the width of the motion
-VIEWS = ("Front", "Oblique", "Above")  # of the camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,99 +187,3 @@ def tip_link(robot: Robot, poses: dict[str, Array]) -> str:
     links = [link for link in robot.links if robot.joint_of_link(link) == last]
     first = poses[links[0]][:3, 3]
     return max(links, key=lambda link: float(np.linalg.norm(poses[link][:3, 3] - first)))
-
-
-@dataclass(frozen=True, eq=False)
-class SceneLayout:
-    """Placement of the robots of one measurement set."""
-
-    right: Array  # (3,) horizontal unit vector to the viewer's right
-    towards: Array  # (3,) unit vector from the scene to the viewer
-    centre: Array  # (3,) middle of one robot's motion [m], in its base frame
-    size: float  # half extent of that motion vertically in the view [m]
-    width: float  # the same along `right`
-    depth: float  # the same towards the viewer
-    floor: float  # height of the grid [m]
-
-    def offsets(self, layout: str, count: int = 2) -> tuple[Array, ...]:
-        """Base positions (3,) of `count` robots, left to right [m]."""
-        return self._row(0.0 if layout == OVERLAID else APART, count)
-
-    def label_places(self, layout: str, count: int = 2) -> tuple[Array, ...]:
-        """Label positions (3,) of the robots [m]: under their motions."""
-        below = (self.centre @ self.right) * self.right + np.array([0.0, 0.0, self.floor - 0.02 * self.size])
-        row = self._row(1.45 if layout == OVERLAID else APART, count)
-        return tuple(below + place for place in row)
-
-    def _row(self, apart: float, count: int) -> tuple[Array, ...]:
-        middle = (count - 1) / 2
-        return tuple((number - middle) * apart * self.width * self.right for number in range(count))
-
-    def camera(
-        self,
-        layout: str,
-        aspect: float = 0.75,
-        hidden: tuple[float, float] = (0.0, 0.25),
-        view: str = VIEWS[0],
-        count: int = 2,
-    ) -> tuple[Array, Array]:
-        """Camera position and target (3,) that fit `count` robots into a canvas of width / height `aspect`.
-
-        Legend and playback panel cover the shares `hidden` of the canvas, at its top and bottom; `view` is
-        one of VIEWS.
-        """
-        up = np.array([0.0, 0.0, 1.0])
-        turns = {"Oblique": self.towards + 0.8 * self.right + 0.4 * up, "Above": 0.25 * self.towards + up}
-        towards = turns.get(view, self.towards)
-        towards = towards / np.linalg.norm(towards)
-        beside = (count - 1) * (0.72 if layout == OVERLAID else APART / 2)
-        half_width = self.width * (1.23 + beside)
-        tall = self.size if view == VIEWS[0] else max(self.size, self.depth)
-        top, bottom = hidden
-        half_height = 1.2 * tall / (1.0 - top - bottom)  # with the labels
-        half_height = max(half_height, half_width / aspect)
-        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + self.depth
-        upward = up - (up @ towards) * towards
-        down = 0.1 * tall + (bottom - top) * half_height
-        look = self.centre - down * upward / np.linalg.norm(upward)
-        return look + distance * towards, look
-
-
-def scene_layout(robot: Robot, shape: RobotShape, theta: Array) -> SceneLayout:
-    """The layout for a motion through positions theta (M, n) [rad]."""
-    points, frames = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
-    low, high = points.min(axis=0), points.max(axis=0)
-    centre = (low + high) / 2
-    _, spread, axes = np.linalg.svd(frames - frames.mean(axis=0), full_matrices=False)
-    normal = axes[2]
-    in_vertical_plane = spread[2] < 0.05 * spread[0] and abs(normal[2]) < 0.3
-    if in_vertical_plane:  # seen face on
-        flat = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
-        flat = -flat if flat[1] > 0 or (flat[1] == 0 and flat[0] < 0) else flat
-        towards = 0.96 * flat + np.array([0.0, 0.0, 0.28])
-    else:
-        towards = np.array([0.75, -0.95, 0.5])
-    towards /= np.linalg.norm(towards)
-    right = np.cross([0.0, 0.0, 1.0], towards)
-    right /= np.linalg.norm(right)
-    along = (points - centre) @ right
-    width = max(float(np.abs(along).max()), 0.25 * shape.reach)
-    size = max(float(np.abs((points - centre) @ np.cross(towards, right)).max()), 0.3 * shape.reach)
-    depth = float(np.abs((points - centre) @ towards).max())
-    return SceneLayout(
-        right, towards, centre, size, width, depth, float(min(0.0, low[2] - 0.02 * shape.reach))
-    )
-
-
-def _points(robot: Robot, shape: RobotShape, theta: Array) -> tuple[Array, Array]:
-    """Corners of all bodies' bounding boxes (P, 3) and origins of all links (L, 3) over the motion [m]."""
-    corners, frames = [], []
-    for q in theta:
-        poses = robot.link_poses(q)
-        frames += [pose[:3, 3] for pose in poses.values()]
-        for body in shape.bodies:
-            low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
-            pose = poses[body.link]
-            for corner in (low, high, (low + high) / 2):
-                corners.append(pose[:3, :3] @ corner + pose[:3, 3])
-    return np.array(corners), np.array(frames)
