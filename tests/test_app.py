@@ -68,8 +68,16 @@ def playback_buttons(app: Application) -> Any:
     return next(
         handle
         for handle in app.page.gui._gui_input_handle_from_uuid.values()
-        if "Pause" in getattr(handle, "options", ())
+        if "Step ▶" in getattr(handle, "options", ())
     )
+
+
+def pause(app: Application) -> None:
+    """Press the one button that plays and pauses, if it plays."""
+    app.playback_panel._show_state()
+    if app.store.clock.playing:
+        send(app, playback_buttons(app), "Pause")
+    assert not app.store.clock.playing and playback_buttons(app).options[0] == "Play"
 
 
 def leave_controls(app: Application) -> None:
@@ -177,7 +185,7 @@ def test_every_command_has_a_key_of_its_own_and_does_something(app: Application)
 
 
 def test_playback_controls(app: Application) -> None:
-    send(app, playback_buttons(app), "Pause")
+    pause(app)
     use(app, "Time [s]", 1.5)
     assert app.store.clock.time == pytest.approx(1.5)
     send(app, playback_buttons(app), "Step ▶")
@@ -193,7 +201,7 @@ def test_playback_controls(app: Application) -> None:
 
 
 def test_a_key_that_a_focused_slider_takes_does_not_step(app: Application) -> None:
-    send(app, playback_buttons(app), "Pause")
+    pause(app)
     use(app, "Time [s]", 1.0)
     command(app, "Step forward")
     use(app, "Deflection ×", 5)

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.app import served
 from benchmarks.pictures.animation import animation
-from tests.browser.page import CHROMIUM, FLAGS, button, close_notices, row, status, tab, until
+from tests.browser.page import CHROMIUM, FLAGS, button, close_notices, pause, play, row, status, tab, until
 
 WINDOW: Any = {"width": 1280, "height": 800}  # [pixels]
 SMALL = (960, 600)  # [pixels] of the animation
@@ -140,7 +140,7 @@ def until_the_evidence(page: Any, film: Film) -> None:
 
 def until_the_staircase(page: Any, film: Film) -> None:
     """Add what was found, and see the error fall."""
-    button(page, "Play").click()
+    play(page)
     film.click(page.get_by_role("button", name="Add and refit").first)
     verdict = page.locator(".fv-verdict")
     film.wait(
@@ -158,7 +158,7 @@ def idle(page: Any) -> bool:
 
 def still(page: Any) -> bytes:
     """A screenshot with the robots at rest at `MOMENT` and no pointer."""
-    button(page, "Pause").click()
+    pause(page)
     time = row(page, "Time [s]").get_by_role("textbox")
     time.fill(MOMENT)
     time.press("Enter")

@@ -22,6 +22,7 @@ from flexviz.app.plots import PlotPanel
 from flexviz.app.state import Changed, Opened
 from flexviz.app.steps import STEPS
 from flexviz.app.store import Store
+from flexviz.app.tab_turns import TabTurns
 from flexviz.app.tasks import WARM
 from flexviz.batch import FleetRow
 from flexviz.errors import FlexvizError, one_line
@@ -43,6 +44,7 @@ class Application:
         self.dock = Dock(self.store, self.page, STEPS)
         self.display = Display(self.store, self.page, self.queue)
         self.plots = PlotPanel(self.store, self.page, list(fleet))
+        self.turns = TabTurns(self.store, self.page)
         self.legend = LegendPanel(self.store, self.page)
         self.playback_panel = PlaybackPanel(self.store, self.page)
         self.idle = IdleWork(self.store)

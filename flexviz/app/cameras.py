@@ -117,7 +117,7 @@ class Cameras:
 
 
 def read_report(text: str) -> tuple[Screen, int]:
-    """Canvas and number of the user's moves of the camera, from "ID WIDTH HEIGHT MOVES L,T,R,B …" [pixels]."""
+    """Canvas and the user's moves of the camera, from "ID WIDTH HEIGHT MOVES L,T,R,B …" [pixels]."""
     words = text.split()
     try:
         if not 4 <= len(words) <= 4 + MOST_PANELS:
@@ -128,5 +128,7 @@ def read_report(text: str) -> tuple[Screen, int]:
         raise InputError(f"{shown(text)} is no report of a canvas") from None
     numbers = [width, height, *(number for box in boxes for number in box)]
     if not all(math.isfinite(number) and 0 <= number <= LARGEST for number in numbers) or moves < 0:
-        raise InputError(f"{shown(text)} is no report of a canvas: numbers from 0 to {LARGEST:g} are expected")
+        raise InputError(
+            f"{shown(text)} is no report of a canvas: numbers from 0 to {LARGEST:g} are expected"
+        )
     return Screen(width, height, boxes), moves

@@ -1,8 +1,9 @@
 """Where panels stand on pages of different size: rules for viser's docks, floating windows and canvas.
 
-Wide pages have three columns, with legend and playback floating over the middle one. On narrower or lower ones
-both become one bar under the 3D view; on still narrower ones columns become tabs: first 3D view and plots, then
-the steps, too. `layout.js` measures the page, sets the classes that these rules name, and draws bar and tabs.
+Wide pages have three columns, with legend and playback floating over the middle one. On narrower or lower
+ones both become one bar under the 3D view; on still narrower ones columns become tabs: first 3D view and
+plots, then the steps, too. `layout.js` measures the page, sets the classes that these rules name, and draws
+bar and tabs.
 These two files are the only ones that know how viser builds its docks.
 """
 
@@ -37,8 +38,9 @@ def _opened(panel: str) -> str:
 
 
 LAYOUT = f"""
-#fv-bar, #fv-columns {{ display: none; position: fixed; box-sizing: border-box; z-index: 8; align-items: center;
-  font-size: 12.5px; color: var(--mantine-color-text); background: var(--mantine-color-body); }}
+#fv-bar, #fv-columns {{ display: none; position: fixed; box-sizing: border-box; z-index: 8;
+  align-items: center; font-size: 12.5px; color: var(--mantine-color-text);
+  background: var(--mantine-color-body); }}
 #fv-bar button, #fv-columns button {{ border: 1px solid rgba(128, 128, 128, 0.45); border-radius: 4px;
   background: none; color: inherit; font: inherit; cursor: pointer; height: 28px; padding: 0 8px; }}
 #fv-bar button[aria-pressed=true], #fv-columns button[aria-selected=true] {{ background: #0072B2; color: #fff;
@@ -48,7 +50,8 @@ LAYOUT = f"""
   left: var(--fv-left); width: var(--fv-width); border-top: 1px solid rgba(128, 128, 128, 0.35);
   container-type: inline-size; }}
 #fv-bar input {{ flex: 1 1 60px; min-width: 40px; accent-color: #0072B2; }}
-#fv-bar output {{ white-space: nowrap; font-variant-numeric: tabular-nums; min-width: 3.4em; text-align: right; }}
+#fv-bar output {{ white-space: nowrap; font-variant-numeric: tabular-nums; min-width: 3.4em;
+  text-align: right; }}
 .fv-key {{ display: flex; gap: 4px; align-items: center; white-space: nowrap; }}
 .fv-key .fv-box {{ margin: 0; width: 11px; height: 15px; }}
 @container (max-width: 620px) {{ .fv-key.names, #fv-bar output span {{ display: none; }} }}
@@ -61,7 +64,8 @@ LAYOUT = f"""
 .fv-barred .mantine-Notifications-root {{ left: calc(var(--fv-left) + 8px) !important;
   width: min(20em, calc(var(--fv-width) - 16px)) !important; min-width: 0; }}
 .fv-tabbed [data-dock-root] {{ margin-top: {TABS}px; height: calc(100% - {TABS}px) !important; }}
-.fv-tabbed #fv-columns {{ display: flex; top: 0; left: 0; right: 0; height: {TABS}px; padding: 0 8px; gap: 6px; }}
+.fv-tabbed #fv-columns {{ display: flex; top: 0; left: 0; right: 0; height: {TABS}px; padding: 0 8px;
+  gap: 6px; }}
 .fv-tabbed:not(.fv-single) #fv-columns {{ left: {STEPS}px; }}
 .fv-tabbed:not(.fv-single) #fv-columns [data-column=steps] {{ display: none; }}
 .fv-tabbed:not(.fv-single) {LEFT} {{ top: -{TABS}px !important; }}
@@ -83,7 +87,7 @@ LAYOUT = f"""
 {CANVAS} {{ left: {DOCKS[0]}px !important; right: {DOCKS[1]}px !important; }}
 [data-dock-tab] {{ padding-inline: 6px !important; }}
 }}
-.fv-pin {{ margin-left: auto; align-self: center; padding: 3px; border: none; border-radius: 3px; background: none;
-  color: var(--mantine-color-dimmed); cursor: pointer; }}
+.fv-pin {{ margin-left: auto; align-self: center; padding: 3px; border: none; border-radius: 3px;
+  background: none; color: var(--mantine-color-dimmed); cursor: pointer; }}
 .fv-pin[aria-pressed=true] {{ background: #0072B2; color: #fff; }}
 """

@@ -132,10 +132,8 @@ class Page:
         self.tooltips.add(handle)
         return handle
 
-    def client_text(
-        self, label: str, action: Callable[[tuple[int, str]], None], each: bool = False
-    ) -> Any:
-        """A text that calls `action((client, text))` with the number of the browser; `each`: for every one."""
+    def client_text(self, label: str, action: Callable[[tuple[int, str]], None], each: bool = False) -> Any:
+        """A text that calls `action((client, text))` with the browser's number; `each`: every time."""
         handle = self.gui.add_text(label, "")
         told = self._told(handle, lambda event: (event.client_id, event.target.value), action, each)
         handle.on_update(told)

@@ -1,6 +1,7 @@
-"""The scripts on the page: clicks into plots and lists, zooms, names under the pointer, pictures of plots, layout.
+"""The page's scripts: clicks into plots and lists, zooms, names under the pointer, pictures of plots, layout.
 
-viser reports none of them, so `page.js` and `layout.js` write them into controls; they come with an element of the page.
+viser reports none of them, so `page.js` and `layout.js` write them into controls; they come with an element
+of the page.
 """
 
 from __future__ import annotations

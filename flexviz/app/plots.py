@@ -14,10 +14,10 @@ from flexviz.app.residual_axis import ResidualAxis, before_after
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
 from flexviz.app.style import hidden
+from flexviz.app.tab_turns import COMPARE, CONVERGENCE, PROOF, STATES
 from flexviz.app.uplot import ChartColumn
 from flexviz.batch import FleetRow
 from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
-from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.session import runs, standing
@@ -26,12 +26,6 @@ from flexviz.wording import mean_nrms
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider
 OFF = "nothing"
-PROOF = "Where it fails"  # label of the tab with the laws through their data
-
-
-def turn_html(count: int) -> str:
-    """What the page's script reads: the tab to show, and a number that grows each time."""
-    return f'<i data-fv-tab="{PROOF}" data-fv-turn="{count}" style="display: none"></i>'
 
 
 class PlotPanel:
@@ -48,12 +42,10 @@ class PlotPanel:
             ResidualAxis(store, page, self._draw_signals)
         self._signals, self._states, self._convergence = (
             ChartColumn(page.server, tab)
-            for tab in (signals, panel.add_tab("States"), panel.add_tab("Convergence"))
+            for tab in (signals, panel.add_tab(STATES), panel.add_tab(CONVERGENCE))
         )
-        self._turn: tuple[int, Diagnosis | None] = (0, None)  # of the tab to the proof of a verdict
-        self._tab = page.gui.add_html(turn_html(0))
         self.residuals = ResidualTab(store, page, panel.add_tab(PROOF))
-        compare = panel.add_tab("Compare")
+        compare = panel.add_tab(COMPARE)
         with compare:
             self._steps = page.gui.add_html("")
             hint = "shows this model everywhere: robot, residual, parameters"
@@ -83,7 +75,6 @@ class PlotPanel:
         panel.set_width(RIGHT_WIDTH)
         self._compared: object = None  # what the staircase shows
         self._stale = False  # some iterations are not drawn yet
-        store.subscribe(Changed.DIAGNOSIS, self._show_proof)
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         timed = selected | Changed.SPAN
         store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
@@ -111,15 +102,6 @@ class PlotPanel:
             raise InputError("this plot is not shown any more")
         svg = draw_svg(found, found.key, PICTURE)
         self._page.send_picture(client, svg, title, f"{chart_name(found)}.png")
-
-    def _show_proof(self) -> None:
-        """Turn to the laws of what a new diagnosis has found."""
-        count, before = self._turn
-        diagnosis = self._store.analysis.current_diagnosis
-        if diagnosis is not None and diagnosis is not before and any(one.law for one in diagnosis.findings):
-            count += 1
-            self._tab.content = turn_html(count)
-        self._turn = count, diagnosis
 
     def _draw_states(self) -> None:
         store = self._store

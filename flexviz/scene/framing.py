@@ -66,7 +66,9 @@ def framing(points: Array, towards: Array, screen: Screen, below: float = 0.0) -
     middle = np.array([screen.width, screen.height]) / 2
     for box in screen.free():
         wide, tall = box.right - box.left, box.bottom - box.top
-        low_r, high_r = slope * (np.array([box.left, box.right]) + MARGIN * wide * np.array([1, -1]) - middle[0])
+        low_r, high_r = slope * (
+            np.array([box.left, box.right]) + MARGIN * wide * np.array([1, -1]) - middle[0]
+        )
         floor = box.bottom - min(MARGIN * tall + below, tall / 2)
         low_u, high_u = slope * (middle[1] - np.array([floor, box.top + MARGIN * tall]))
         sides = [(across, low_r, high_r), (high, low_u, high_u)]

@@ -29,7 +29,9 @@ class SceneLayout:
 
     towards: Array  # (3,) unit vector from the scene to the viewer
     right: Array  # (3,) horizontal unit vector to the viewer's right
-    points: Array  # (P, 3) corners of all bodies' bounding boxes over the motion of one robot [m], in its base
+    points: (
+        Array  # (P, 3) corners of all bodies' bounding boxes over the motion of one robot [m], in its base
+    )
     width: float  # half extent of the motion along `right` [m]
     size: float  # half extent of the motion as it is seen, vertically [m]
     floor: float  # height of the grid [m]

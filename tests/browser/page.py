@@ -115,6 +115,22 @@ def button(page: Any, name: str) -> Any:
     return buttons
 
 
+def pause(page: Any, other: str = "Play") -> None:
+    """Let the robots rest; the one button that plays and pauses is called by what it would do."""
+
+    def named(name: str) -> int:
+        return page.get_by_role("button", name=name, exact=True).count()
+
+    until(lambda: named("Play") + named("Pause") == 1, SOON, "the one button that plays and pauses")
+    if not named(other):
+        press(page, "Pause" if other == "Play" else "Play", lambda: named(other))
+
+
+def play(page: Any) -> None:
+    """Let the robots play."""
+    pause(page, other="Pause")
+
+
 def press(page: Any, name: str, done: Callable[[], Any]) -> None:
     """Press this button until it has worked; a click into what still unfolds may miss."""
     for _ in range(3):

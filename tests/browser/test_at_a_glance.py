@@ -22,7 +22,9 @@ from tests.browser.page import (
     choose,
     ghost,
     node,
+    pause,
     pixels,
+    play,
     press,
     row,
     status,
@@ -65,7 +67,7 @@ def at_rest(page: Any) -> None:
 def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
     address = serve()
     page = open_page(address, 1440, 900)
-    button(page, "Pause").click()
+    pause(page)
     at = row(page, "Time [s]").locator("input:not([type=hidden])").first
     at.fill("0.3")  # where both links are seen from the side, however late it was paused
     at.press("Enter")
@@ -100,13 +102,11 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     )
     shot(page, "stairs")
     after = percent(page)
-    tab(page, "Compare").click()  # a verdict turns to its law
     row(page, "Show model").get_by_role("button", name="0", exact=True).click()
     until(lambda: percent(page) == before, 60, "the error of the first model")
     until(lambda: yellow(page) > 150, 60, "its colours")
     until(lambda: verdict.inner_text().startswith("Missing"), SOON, "its verdict")
     assert bars.count() == 2
-    tab(page, "Compare").click()  # a verdict turns to its law
     row(page, "Show model").get_by_role("button", name="1", exact=True).click()
     until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
     compared_side_by_side(page, shot)
@@ -176,7 +176,7 @@ SHOW = "() => { window.requestAnimationFrame = window.drawn; window.asked.forEac
 def test_unwatched_it_costs_nothing(
     address: str, servers: dict[str, subprocess.Popen[str]], page: Any
 ) -> None:
-    button(page, "Play").click()
+    play(page)
 
     def at() -> Any:
         return node(page, "/measured/joint2")
@@ -191,7 +191,7 @@ def test_unwatched_it_costs_nothing(
 
 
 def test_the_camera_has_presets(page: Any, shot: Any) -> None:
-    button(page, "Pause").click()
+    pause(page)
     choose(page, "Group", "t3p3")
     label = "() => window.__viserSceneTree.getState()['/measured/payload0']?.message?.props?.text"
     until(lambda: page.evaluate(label) == "payload 1.6 kg", what="the label of the payload")
@@ -216,7 +216,7 @@ def test_the_camera_has_presets(page: Any, shot: Any) -> None:
 
 
 def test_effects_are_ticked_on_all_joints_or_one(page: Any, shot: Any) -> None:
-    button(page, "Pause").click()
+    pause(page)
     button(page, "Identify").click()
     matrix = page.locator(".fv-matrix tr")
 
@@ -252,7 +252,7 @@ TOOLTIP = """name => getComputedStyle([...document.querySelectorAll('button')]
 
 
 def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path: Path) -> None:
-    button(page, "Pause").click()
+    pause(page)
     button(page, "Identify").click()
     button(page, "Run").hover()
     assert page.evaluate(TOOLTIP, "Run") != "none"

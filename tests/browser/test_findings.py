@@ -16,7 +16,18 @@ from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.session import Session, save_session
-from tests.browser.page import SOON, button, leave_the_plots, press, row, status, tab, until, well_laid_out
+from tests.browser.page import (
+    SOON,
+    button,
+    leave_the_plots,
+    pause,
+    press,
+    row,
+    status,
+    tab,
+    until,
+    well_laid_out,
+)
 from tests.found import COULOMB, CURVE, DIAGNOSIS
 
 pytestmark = pytest.mark.browser
@@ -59,7 +70,7 @@ def test_what_a_diagnosis_offers(
     diagnosed: Path, serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:
     page = open_page(serve(str(diagnosed)), 1280, 800)
-    button(page, "Pause").click()
+    pause(page)
     button(page, "Diagnose").click()
     # effects of one kind are one finding with one button
     finding = page.locator(".fv-finding:visible")

@@ -19,6 +19,7 @@ from tests.browser.page import (
     ghost,
     labels,
     node,
+    pause,
     place,
     press,
     row,
@@ -60,7 +61,7 @@ def test_both_robots_move_and_stop(page: Any, shot: Any) -> None:
     assert node(page, "/identified/joint1") is not None
     before = node(page, "/measured/joint2")
     until(lambda: node(page, "/measured/joint2") != before, what="motion")
-    button(page, "Pause").click()
+    pause(page)
     still = at_rest(page)
     page.wait_for_timeout(1000)
     assert node(page, "/measured/joint2") == still
@@ -101,7 +102,7 @@ def the_sweep_shows_residual_and_stiffness_against_bandwidth(page: Any, shot: An
     assert bandwidth[mark.index(1.0)] == bandwidth[validation.index(min(validation))]
     stiffness = chart(page, "Stiffness of")[1]
     assert all(value > 0 for value in stiffness)
-    button(page, "Pause").click()
+    pause(page)
     page.locator(".uplot").filter(has_text="Stiffness of").scroll_into_view_if_needed()
     shot(page, "2-sweep")
     well_laid_out(page)
@@ -147,7 +148,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(page: Any, s
     ]
     assert tops == sorted(tops)
     assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
-    button(page, "Pause").click()
+    pause(page)
     shot(page, "3-identify")
     well_laid_out(page)
     tab(page, "Signals").click()
@@ -168,7 +169,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(page: Any, s
 
 
 def test_a_click_on_a_link_selects_its_joint(page: Any) -> None:
-    button(page, "Pause").click()
+    pause(page)
     at_rest(page)
     places, joint = ghost(page), row(page, "Joint").get_by_role("combobox")
     before = joint.input_value()
@@ -181,7 +182,7 @@ def test_a_click_on_a_link_selects_its_joint(page: Any) -> None:
 
 def test_keys_and_two_pages_show_the_same(address: str, page: Any, open_page: Any) -> None:
     one, two = page, open_page(address)
-    button(one, "Pause").click()
+    pause(one)
     one.mouse.click(760, 120)  # the empty sky: no control has the focus
     still = at_rest(one)
     one.keyboard.press("Space")
@@ -213,7 +214,7 @@ BUTTONS = {
     "Identify": ("Run",),
     "Diagnose": ("Find the missing effect",),
 }
-ALWAYS = ("Data", "Observer", "Identify", "Diagnose", "Stop", "Undo", "Redo", "Play", "Pause")
+ALWAYS = ("Data", "Observer", "Identify", "Diagnose", "Stop", "Undo", "Redo", "◀ Step", "Step ▶")
 ROWS = {
     "Data": ("Measurement set", "Record"),
     "Observer": ("Bandwidth [rad/s]", "Observer type"),
@@ -236,7 +237,7 @@ def every_agreed_name_is_on_one_control(page: Any, step: str) -> None:
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_overlaps_or_is_cut(address: str, page: Any, open_page: Any, shot: Any, dark: bool) -> None:
     page = open_page(f"{address}/?darkMode") if dark else page
-    button(page, "Pause").click()
+    pause(page)
     steps = (
         ("Data", "Signals"),
         ("Observer", "States"),

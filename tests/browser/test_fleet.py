@@ -11,7 +11,7 @@ import pytest
 
 from flexviz.batch.batch import MARKER
 from flexviz.batch.table import TABLE, write_table
-from tests.browser.page import SOON, button, chart, row, status, tab, until, well_laid_out
+from tests.browser.page import SOON, chart, pause, row, status, tab, until, well_laid_out
 from tests.small_set import write_small_set
 from tests.test_batch_fleet import fleet
 
@@ -39,7 +39,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page: Any, shot: Any) -> None:
     page = open_page(serve(str(results)) + "/?darkMode", 1440, 900)
-    button(page, "Pause").click()
+    pause(page)
     tab(page, "Fleet").click()
     lines = page.locator("tr[data-fleet]")
     until(lambda: lines.count() == 3 * MONTHS, what="the table")

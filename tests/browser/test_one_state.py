@@ -14,6 +14,7 @@ from tests.browser.page import (
     button,
     chart,
     choose,
+    pause,
     press,
     row,
     status,
@@ -62,7 +63,7 @@ def test_after_a_run_no_text_is_of_the_model_before(
 ) -> None:
     theme = "dark" if dark else "light"
     page = open_page(serve() + ("/?darkMode" if dark else ""), 1280, 800)
-    button(page, "Pause").click()
+    pause(page)
     choose(page, "Joint", "joint2")
     button(page, "Diagnose").click()
     page.get_by_role("button", name="Find the missing effect").click()

@@ -25,6 +25,7 @@ from tests.browser.page import (
     chart,
     charts,
     choose,
+    pause,
     row,
     status,
     tab,
@@ -108,7 +109,7 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     value = re.search(r"coulomb ([\d.]+) ± ([\d.]+) Nm", page.locator(".fv-finding").first.inner_text())
     assert value and abs(float(value[1]) - 3.0) < 0.01
     until(lambda: page.get_by_role("button", name="Hide evidence").first.is_enabled, what="its evidence")
-    button(page, "Pause").click()
+    pause(page)
     shot(page, "diagnose")
     well_laid_out(page)
     click(page.get_by_role("button", name="Add and refit").first)
@@ -182,7 +183,7 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
 ) -> None:
     address = serve()
     page = open_page(address)
-    button(page, "Pause").click()
+    pause(page)
     button(page, "Observer").click()
     tab(page, "States").click()
     until(lambda: any(str(title).startswith("θ⁗") for title in charts(page)), what="the states")

@@ -7,7 +7,19 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import SOON, button, chart, choose, labels, row, tick, unfold, until, well_laid_out
+from tests.browser.page import (
+    SOON,
+    button,
+    chart,
+    choose,
+    labels,
+    pause,
+    row,
+    tick,
+    unfold,
+    until,
+    well_laid_out,
+)
 
 pytestmark = pytest.mark.browser
 
@@ -32,7 +44,7 @@ def width(page: Any) -> float:
 
 
 def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
-    button(page, "Pause").click()
+    pause(page)
     button(page, "Observer").click()
     until(lambda: "After Run (step 3, Identify)" in page.inner_text("body"), 60, "the hint")
     button(page, "Identify").click()
@@ -62,7 +74,7 @@ def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
 
 def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any) -> None:
     page = open_page(address + "/?darkMode", 1280, 800)
-    button(page, "Pause").click()
+    pause(page)
     button(page, "Observer").click()
     choose(page, "Observer type", "eso")
     unfold(page, "Gains of the ESO", labels(page, "β5 θ"))
