@@ -245,7 +245,8 @@ def ghost(page: Any) -> list[tuple[int, int]]:
 
 TEXTS = ".fv, .fv-table, .uplot, button, label, input:not([type=checkbox])"
 WIDER = f"""() => [...document.querySelectorAll('{TEXTS}')]
-    .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
+    .filter(e => e.offsetParent && e.checkVisibility({{visibilityProperty: true}}))
+    .filter(e => getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
     .filter(e => e.scrollWidth > e.clientWidth + 2)
     .map(e => e.className + ': ' + e.textContent.slice(0, 60))"""
 
@@ -257,7 +258,8 @@ def wider_than_its_place(page: Any) -> list[str]:
 
 OVERLAPPING = """() => {
     const seen = [...document.querySelectorAll('.fv, .uplot, button, label, input, [role=tab]')]
-        .filter(e => e.offsetParent && !e.closest('.mantine-Notification-root, .fv-png'))  // lie over plots
+        .filter(e => e.offsetParent && e.checkVisibility({visibilityProperty: true}))
+        .filter(e => !e.closest('.mantine-Notification-root, .fv-png'))  // lie over plots
         .filter(e => e.tagName !== 'BUTTON' || !e.closest('.mantine-Input-wrapper'))
         .map(e => {
             const r = e.getBoundingClientRect(), box = e.closest('.mantine-ScrollArea-viewport');
