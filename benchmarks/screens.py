@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks.app import served
 from tests.browser.boxes import overlaps, robots_in_view
-from tests.browser.page import CHROMIUM, FLAGS, close_notices, within
+from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SOON, close_notices, within
 
 SIZES = ((1024, 768), (1280, 800), (1440, 900), (1920, 1080))  # [pixels]
 ZOOMED = 1.5
@@ -22,39 +23,46 @@ WINDOWS = {  # name -> CSS pixels; zoomed, a page has fewer of them
     **{f"{width}x{height}": (width, height) for width, height in SIZES},
     **{f"{w}x{h}-zoomed": (round(w / ZOOMED), round(h / ZOOMED)) for w, h in SIZES},
 }
-PATIENCE = 20.0  # [s] for what moves to come to rest
+PATIENCE = 300_000  # [ms] for anything on the page
 
 
 def pictures(browser: Any, address: str, name: str, work: Path, dark: bool) -> list[str]:
     """Take the pictures of one set in one theme; returns what is wrong."""
     wrong = []
-    for window, (width, height) in WINDOWS.items():
-        scale = ZOOMED if window.endswith("zoomed") else 1.0
-        page = browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=scale)
-        page.set_default_timeout(300_000)
-        page.goto(address + ("/?darkMode" if dark else ""))
-        page.wait_for_selector(".uplot .u-over", state="attached")
-        page.wait_for_selector("#fv-bar", state="attached")
-        tabs = [one for one in page.locator("#fv-columns button").all() if one.is_visible()]
-        for tab in tabs or [None]:
-            if tab is not None:
-                tab.click()
-            column = "" if tab is None else f"-{tab.inner_text().lower()}"
-            page.mouse.move(width / 2, 4)
-            close_notices(page)
-            steps = column == "-steps"
-            found = within(
-                PATIENCE,
-                lambda page=page, steps=steps: overlaps(page) + ([] if steps else robots_in_view(page)),
-                lambda found: not found,
-            )
-            page.wait_for_timeout(1500)  # the picture is drawn
-            file = f"{name}-{window}{column}-{'dark' if dark else 'light'}.png"
-            page.screenshot(path=work / file)
-            print(f"{file:58s} {'; '.join(found) or 'nothing covered'}", flush=True)
-            wrong += found
+    for zoomed in (False, True):
+        page = browser.new_page(device_scale_factor=ZOOMED if zoomed else 1.0)
+        page.set_default_timeout(PATIENCE)
+        page.add_init_script(PLAIN_SCENE)
+        for number, (window, (width, height)) in enumerate(WINDOWS.items()):
+            if window.endswith("zoomed") != zoomed:
+                continue
+            page.set_viewport_size({"width": width, "height": height})
+            if number % len(SIZES) == 0:  # opened at the smallest size, then resized
+                page.goto(address + ("/?darkMode" if dark else ""))
+                page.wait_for_selector(".uplot .u-over", state="attached")
+                page.wait_for_selector("#fv-bar", state="attached")
+            page.wait_for_timeout(500)
+            tabs = [one for one in page.locator("#fv-columns button").all() if one.is_visible()]
+            for tab in tabs or [None]:
+                if tab is not None:
+                    tab.click()
+                column = "" if tab is None else f"-{tab.inner_text().lower()}"
+                page.mouse.move(width / 2, 4)
+                close_notices(page)
+                look = partial(wrong_on, page, column != "-steps")
+                found = within(SOON, look, lambda found: not found)
+                page.wait_for_timeout(1000)  # the picture is drawn
+                file = f"{name}-{window}{column}-{'dark' if dark else 'light'}.png"
+                page.screenshot(path=work / file)
+                print(f"{file:58s} {'; '.join(found) or 'nothing covered'}", flush=True)
+                wrong += found
         page.close()
     return wrong
+
+
+def wrong_on(page: Any, robots: bool) -> list[str]:
+    """What lies over a plot or a tab, and, where they are shown, what is wrong with the robots."""
+    return overlaps(page) + (robots_in_view(page) if robots else [])
 
 
 def main(words: list[str] | None = None) -> int:

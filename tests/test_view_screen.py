@@ -13,8 +13,9 @@ import pytest
 from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
-from flexviz.scene import RobotMotion
-from flexviz.scene.shape import FIELD_OF_VIEW, MAX_FACES, VIEWS, robot_shape, scene_layout, thinned_mesh
+from flexviz.scene import FIELD_OF_VIEW, VIEWS, Box, RobotMotion, Screen, robot_shape, scene_layout
+from flexviz.scene.shape import MAX_FACES, thinned_mesh
+from flexviz.scene.stage import LABEL_HEIGHT
 from flexviz.view import (
     joint_effects,
     joints_html,
@@ -275,25 +276,59 @@ def test_a_planar_motion_is_looked_at_squarely() -> None:
     assert np.linalg.norm(right - left) > placed.width
     assert np.array_equal(placed.offsets("Overlaid"), np.zeros((2, 3)))
     assert len(placed.offsets("Side by side", 3)) == 3
-    for view in VIEWS:  # the labels and the whole motion are in the picture, above the panel
-        camera, look = placed.camera("Side by side", 0.7, (0.2, 0.27), view)
-        forward = (look - camera) / np.linalg.norm(look - camera)
-        across = np.cross(forward, [0.0, 0.0, 1.0])
-        across /= np.linalg.norm(across)
-        for base, label in zip(
-            placed.offsets("Side by side"), placed.label_places("Side by side"), strict=True
-        ):
-            middle = (base + placed.centre - label) @ placed.right
-            assert abs(middle) < 1e-9 and label[2] < placed.floor  # under its robot, however it swings
-            for point in (base, label, base + placed.centre):
-                away = point - camera
-                height = away @ np.cross(across, forward) / (away @ forward) / np.tan(FIELD_OF_VIEW / 2)
-                assert -1.0 + 2 * 0.27 < height < 1.0 - 2 * 0.2 and abs(
-                    away @ across / (away @ forward)
-                ) < 0.7 * np.tan(FIELD_OF_VIEW / 2)
-    near, _ = placed.camera("Overlaid", 1.0)
-    far, _ = placed.camera("Side by side", 0.5)
-    assert np.linalg.norm(far) > np.linalg.norm(near)
+    panel = Box(0, 0, 300, 200)
+    for view in VIEWS:  # the labels and the whole motion are in the picture, beside or under the panel
+        towards = placed.direction(view)
+        for screen in (Screen(520, 800, (panel,)), Screen(900, 500, (panel,)), Screen(240, 700)):
+            camera, look = placed.camera("Side by side", towards, 2, screen)
+            label = np.array(placed.label_places("Side by side"))
+            points = np.concatenate([placed.points + base for base in (left, right)])
+            x, y = on_screen(np.concatenate([points, label]), camera, look, screen)
+            assert x.min() > 0 and y.min() > 0 and x.max() < screen.width and y.max() < screen.height
+            assert not np.any((x < panel.right) & (y < panel.bottom) & bool(screen.covered))
+            assert y[-2:].max() + LABEL_HEIGHT < screen.height
+            tight = min(x.min(), y.min(), screen.width - x.max(), screen.height - LABEL_HEIGHT - y[-2:].max())
+            assert tight < 0.2 * screen.width  # as large as it can be
+            assert x[-1] - x[-2] > 0.2 * screen.width  # the measured robot is on the left
+            assert view == "Oblique" or abs(y[-1] - y[-2]) < 2
+
+
+def on_screen(points: Any, camera: Any, look: Any, screen: Screen) -> tuple[Any, Any]:
+    """Where points (P, 3) are drawn: pixels from the left and from the top."""
+    forward = (look - camera) / np.linalg.norm(look - camera)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = points - camera
+    pixel = screen.height / 2 / np.tan(FIELD_OF_VIEW / 2) / (away @ forward)
+    return (
+        screen.width / 2 + pixel * (away @ right),
+        screen.height / 2 - pixel * (away @ np.cross(right, forward)),
+    )
+
+
+@pytest.mark.parametrize("name", ["planar_2r", "ur5", "panda", "lying"])
+def test_the_measured_robot_is_on_the_left_and_a_plane_is_seen_face_on(name: str, tmp_path: Path) -> None:
+    if name == "lying":  # an arm in a horizontal plane
+        links = "".join(f'<link name="l{number}"/>' for number in range(4))
+        joints = "".join(
+            f'<joint name="j{k}" type="{"fixed" if k == 2 else "revolute"}"><parent link="l{k}"/>'
+            f'<child link="l{k + 1}"/><origin xyz="{0.4 * (k > 0)} 0 0"/><axis xyz="0 0 1"/>'
+            '<limit lower="-3" upper="3" effort="9" velocity="9"/></joint>'
+            for k in range(3)
+        )
+        (tmp_path / "lying.urdf").write_text(f'<robot name="lying">{links}{joints}</robot>')
+        robot = Robot.load(tmp_path / "lying.urdf")
+    else:
+        robot = Robot.load("robots:planar_2r" if name == "planar_2r" else f"example-robot-data:{name}")
+    theta = np.outer(np.sin(np.linspace(0, 6, 100)), np.linspace(0.9, 0.4, robot.n))
+    placed = scene_layout(robot, robot_shape(robot), theta)
+    screen = Screen(520, 800)
+    camera, look = placed.camera("Side by side", placed.direction("Front"), 2, screen)
+    bases = np.array(placed.offsets("Side by side"))
+    x, y = on_screen(bases + placed.centre, camera, look, screen)
+    assert x[0] < 0.4 * screen.width < 0.6 * screen.width < x[1] and abs(y[0] - y[1]) < 2
+    if name == "lying":
+        assert placed.towards[2] > 0.9
 
 
 def test_joints_are_named_shortly_where_that_is_clear() -> None:
