@@ -15,7 +15,16 @@ from typing import Any
 
 from benchmarks.app import served
 from tests.browser.boxes import overlaps, robots_in_view
-from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SOON, close_notices, within
+from tests.browser.page import (
+    CHROMIUM,
+    FLAGS,
+    PLAIN_SCENE,
+    SOON,
+    SPARE_FRAMES,
+    close_notices,
+    picture,
+    within,
+)
 
 SIZES = ((1024, 768), (1280, 800), (1440, 900), (1920, 1080))  # [pixels]
 ZOOMED = 1.5
@@ -41,6 +50,8 @@ def pictures(browser: Any, address: str, name: str, work: Path, dark: bool) -> l
                 page.goto(address + ("/?darkMode" if dark else ""))
                 page.wait_for_selector(".uplot .u-over", state="attached")
                 page.wait_for_selector("#fv-bar", state="attached")
+                page.evaluate(SPARE_FRAMES)
+                page.evaluate("window.sceneIsHidden = true")
             page.wait_for_timeout(500)
             tabs = [one for one in page.locator("#fv-columns button").all() if one.is_visible()]
             for tab in tabs or [None]:
@@ -51,9 +62,9 @@ def pictures(browser: Any, address: str, name: str, work: Path, dark: bool) -> l
                 close_notices(page)
                 look = partial(wrong_on, page, column != "-steps")
                 found = within(SOON, look, lambda found: not found)
-                page.wait_for_timeout(1000)  # the picture is drawn
+                page.wait_for_timeout(500)  # the plots are drawn
                 file = f"{name}-{window}{column}-{'dark' if dark else 'light'}.png"
-                page.screenshot(path=work / file)
+                (work / file).write_bytes(picture(page))
                 print(f"{file:58s} {'; '.join(found) or 'nothing covered'}", flush=True)
                 wrong += found
         page.close()

@@ -63,6 +63,7 @@ LAYOUT = f"""
   height: auto !important; max-height: calc(100% - {BAR + 8}px); overflow-y: auto !important; }}
 .fv-barred .mantine-Notifications-root {{ left: calc(var(--fv-left) + 8px) !important;
   width: min(20em, calc(var(--fv-width) - 16px)) !important; min-width: 0; }}
+.fv-tabbed .mantine-Notifications-root {{ top: {TABS + 8}px !important; }}
 .fv-tabbed [data-dock-root] {{ margin-top: {TABS}px; height: calc(100% - {TABS}px) !important; }}
 .fv-tabbed #fv-columns {{ display: flex; top: 0; left: 0; right: 0; height: {TABS}px; padding: 0 8px;
   gap: 6px; }}

@@ -90,7 +90,7 @@ def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, he
     page.set_default_timeout(PATIENCE)
     page.add_init_script(PLAIN_SCENE)
     page.goto(address)
-    page.wait_for_selector(".uplot .u-over")
+    page.wait_for_selector(".uplot .u-over", state="attached")  # on a narrow page a tab hides them
     page.evaluate(SPARE_FRAMES)
     page.evaluate("window.sceneIsHidden = true")
     close_notices(page)
