@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ GHOST_OPACITY, COLOURED_OPACITY = 0.45, 0.85
 FLOOR = (128, 134, 142)  # reads on white and on dark
 PAYLOAD_DENSITY = 1000.0  # [kg/m³]
 ARC_WIDTH = 4.0  # [pixels]
+LABEL_WIDTH = 26  # characters: two labels are beside each other on a narrow canvas
 DEFLECTION_ARC = 0.75  # radius, relative to that of the torque's arc
 
 Colour = tuple[int, int, int]
@@ -220,7 +222,8 @@ class Scene:
                 self._labels[name] = self._server.scene.add_label(
                     f"/labels/{name}", text, anchor="top-center", font_screen_scale=0.95
                 )
-            self._labels[name].text = text
+            lines = (line for part in text.split("\n") for line in textwrap.wrap(part, LABEL_WIDTH))
+            self._labels[name].text = "\n".join(lines)
             self._labels[name].position = at
 
     def mark(self, positions: Sequence[np.ndarray], chosen: np.ndarray) -> None:
