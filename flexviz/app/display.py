@@ -123,7 +123,8 @@ class Display:
         poses = self._poses()
 
         def draw(time: float) -> None:
-            scene.pose(poses(time), motion.arcs(time) if view.arcs else (None, None))
+            arcs = motion.arcs(time) if view.arcs else (None, None)
+            scene.pose(poses(time), arcs, motion.determined)
 
         scene.labels(self._labels())
         drawn = [poses(float(time)) for time in self._instants(TRAIL_POINTS)]

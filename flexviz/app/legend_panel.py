@@ -46,7 +46,7 @@ class LegendPanel:
         store, motion = self._store, self._store.motion
         found = store.link_colours(store.errors)
         names = model_names(store)
-        self._robots.content = legend_html(found, store.group.name, names, store.view.arcs)
+        self._robots.content = legend_html(found, names, store.view.arcs)
         self._drawn = (store.measurements.joints, found, motion), store.joint
         self._at = -1.0
         self._draw_joints()

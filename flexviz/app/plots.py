@@ -21,7 +21,7 @@ from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.session import runs, standing
-from flexviz.wording import mean_nrms
+from flexviz.wording import stated_errors
 
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider
@@ -182,15 +182,13 @@ class PlotPanel:
         self._stale = False
         store, spread = self._store, self._store.measurements.torque_spread
         result, derived = store.analysis.identification, store.derived
-        iterations, ends, floor, final = store.fit.iterations, [], float("nan"), None
+        iterations, ends, final = store.fit.iterations, [], None
         if result is not None and result.iterations and not store.running:
             iterations, final = result.iterations, result
-            ends = [100 * mean_nrms(one.rms_validation or one.rms, spread) for one in derived.stage_errors]
-            if derived.errors is not None:
-                floor = 100 * mean_nrms(derived.errors.noise_floor, spread)
+            ends = [stated_errors(one, spread) for one in derived.stage_errors]
         elif not (iterations or store.running):
             final = result
-        self._convergence.show(view.convergence_charts(iterations, ends, floor, final))
+        self._convergence.show(view.convergence_charts(iterations, ends, final))
 
 
 class ResidualTab:
@@ -228,7 +226,7 @@ class ResidualTab:
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
             self._samples, self._of = view.ResidualSamples.of(result, joint), (result, joint)
         self._map.content = view.map_html(store.maps, store.measurements.joints, joint)
-        self._groups.content = view.groups_html(self._samples, name)
+        self._groups.content = view.groups_html(store.errors, joint, name, store.measurements.torque_spread)
         self._variable.visible = self._samples is not None
         residual = view.time_residual(before_after(store), joint, name, store.group.name, store.span)
         marked = self._marked()

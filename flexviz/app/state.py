@@ -66,7 +66,7 @@ class ViewSettings:
     """How the robots are drawn."""
 
     layout: str = LAYOUTS[0]
-    deflection: float | None = None  # its factor; None: chosen to suit the motion
+    deflection: float | None = None  # its factor; None until there is one to draw
     error: float = 1.0  # factor of simulated − measured
     link_side: bool = False  # compare link sides instead of motor sides
     arcs: bool = True  # draw torque and deflection around the joints

@@ -76,6 +76,7 @@ class Store(ChangeSignal):
         self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
         self.kept = DerivedResults()
         self._span()
+        self._choose_factor()
 
     @property
     def measurements(self) -> MeasurementSet:
@@ -133,6 +134,7 @@ class Store(ChangeSignal):
             change |= Changed.OBSERVER
         if after.identification is not before.identification:
             change |= Changed.RESULT
+            self._choose_factor()
         if after.diagnosis is not before.diagnosis or after.model_steps != before.model_steps:
             change |= Changed.DIAGNOSIS
         self.tell(change)
@@ -178,10 +180,15 @@ class Store(ChangeSignal):
         derived = self.kept.keep(state.identification)
         return step, derived, derived.motion(self.measurements, self.group)
 
+    def _choose_factor(self) -> None:
+        """Choose the factor of the deflection as soon as there is one to draw; from then on it stays."""
+        if self.view.deflection is None and (factor := nice_factor(self.motion)) is not None:
+            self.view = replace(self.view, deflection=factor)
+
     @property
     def deflection(self) -> float:
         """Factor of the drawn deflection."""
-        return nice_factor(self.motion) if self.view.deflection is None else self.view.deflection
+        return 1.0 if self.view.deflection is None else self.view.deflection
 
     @property
     def maps(self) -> tuple[ResidualMap, ...]:
@@ -198,8 +205,8 @@ class Store(ChangeSignal):
         """Colours of the links by a model's errors; their scale ends at the largest error of all models."""
         known = (*self.kept, *self.analysis.model_steps)
         earlier = [one.errors if isinstance(one, Derived) else one.step for one in known]
-        spread, group = self.measurements.torque_spread, self.group.name
-        return link_colours(errors, group, spread, [one for one in earlier if one is not None])
+        spread = self.measurements.torque_spread
+        return link_colours(errors, spread, [one for one in earlier if one is not None])
 
     @property
     def free_curve(self) -> FreeCurve | None:

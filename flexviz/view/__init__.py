@@ -60,6 +60,7 @@ from flexviz.view.status import (
     error_text,
     next_step,
     shown_errors,
+    stated_error,
     status_html,
     step_line_html,
     steps_done,

@@ -93,8 +93,11 @@ def _error_chart(joint: int, name: str, motion: RobotMotion | None, span: tuple[
         return no_chart("error")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
     time, error = within(span, motion.time, error)
-    lines = [("error", COLOURS.model, error)]
-    return time_chart("error", f"Simulated − measured θ, {name}", "rad", time, lines, height=SIGNAL_HEIGHT)
+    x, (drawn,) = thin(time, [1e3 * error])
+    line = ChartSeries("error", COLOURS.model, x, drawn)
+    axis = ChartAxis(unit="mrad")  # of every model, however small its error
+    title = f"Simulated − measured θ, {name}"
+    return Chart("error", title, y=axis, series=(line,), playhead=True, height=SIGNAL_HEIGHT)
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:
