@@ -147,15 +147,19 @@ def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> Non
     assert "1. coulomb_friction on joints 1 and 2: together they remove 98 % of the error" in text
     assert "joint1: coulomb 7.000 ± 0.039 Nm" in text and "joint2: coulomb 3.000 ± 0.020 Nm" in text
     rows = [line.split() for line in text.splitlines()]
-    assert ["20.0", "11.0", "15.5", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
-    assert ["0.182", "3.00", "1.59", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
+    assert ["220", "55.0", "138", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
+    assert ["2.00", "15.0", "8.50", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
     assert sum(row[:2] == ["+", "Coulomb"] for row in rows) == 1  # two steps, one line
-    assert "what stays: joint2 3.0 % of its torque (0.300 Nm, 15 times the noise); joint1 0.18 %" in text
+    assert "what stays: joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm); joint1 2.00 ×" in text
     assert text.count("absorbed") == 1 and "unexplained" not in text
-    assert "error of the held-out groups [Nm]" in lines(diagnosis)  # without the torque
+    assert "error of the held-out groups [× noise floor]" in text
+    silent = tuple(replace(step, noise_floor=()) for step in diagnosis.steps)
+    shares = lines(replace(diagnosis, steps=silent), (11.0, 10.0))
+    assert "error of the held-out groups [% of the torque]" in shares  # without the noise
+    assert "error of the held-out groups [Nm]" in lines(replace(diagnosis, steps=silent))  # nor the torque
     narrow = replace(diagnosis, torque_spread=(11.0, 10.0)).summary(width=60)
     assert "  1: + Coulomb friction on joints 1 and 2 → unknown" in narrow
-    assert ["1", "0.18", "3.0", "1.6"] in [line.split() for line in narrow.splitlines()]
+    assert ["1", "2.0", "15", "8.5"] in [line.split() for line in narrow.splitlines()]
 
 
 def test_a_held_out_group_without_samples_leaves_no_empty_error() -> None:

@@ -5,8 +5,18 @@ from __future__ import annotations
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
+from flexviz.diagnosis import PredictionErrors
+from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.session import standing
-from flexviz.view import OF_EARLIER, joints_html, legend_html, model_name, name_with_error
+from flexviz.view import (
+    OF_EARLIER,
+    LinkColours,
+    joints_html,
+    legend_html,
+    link_colours,
+    model_name,
+    name_with_error,
+)
 
 WIDTH = 300  # [pixels]
 
@@ -27,6 +37,13 @@ def model_names(store: Store) -> tuple[str, ...]:
     return f"{shown}{earlier}", names[1]
 
 
+def colours_of(store: Store, errors: PredictionErrors | DiagnosisStep | None) -> LinkColours | None:
+    """Colours of the links by a model's errors; their scale ends at the largest error of all models."""
+    known = [*(one.errors for one in store.kept), *(one.step for one in store.analysis.model_steps)]
+    earlier = [one for one in known if one is not None]
+    return link_colours(errors, store.measurements.torque_spread, earlier)
+
+
 class LegendPanel:
     """Colours of robots and links; error, torque and deflection of every joint, while they play."""
 
@@ -44,7 +61,7 @@ class LegendPanel:
 
     def _draw(self) -> None:
         store, motion = self._store, self._store.motion
-        found = store.link_colours(store.errors)
+        found = colours_of(store, store.errors)
         names = model_names(store)
         self._robots.content = legend_html(found, names, store.view.arcs)
         self._drawn = (store.measurements.joints, found, motion), store.joint

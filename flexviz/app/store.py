@@ -37,7 +37,7 @@ from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import BestSoFar, Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
-from flexviz.view import LinkColours, link_colours, offered_curve, progress_text, shown_errors
+from flexviz.view import offered_curve, progress_text, shown_errors
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
@@ -200,13 +200,6 @@ class Store(ChangeSignal):
     def errors(self) -> PredictionErrors | DiagnosisStep | None:
         """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
         return shown_errors(self.analysis, self.derived.errors)
-
-    def link_colours(self, errors: PredictionErrors | DiagnosisStep | None) -> LinkColours | None:
-        """Colours of the links by a model's errors; their scale ends at the largest error of all models."""
-        known = (*self.kept, *self.analysis.model_steps)
-        earlier = [one.errors if isinstance(one, Derived) else one.step for one in known]
-        spread = self.measurements.torque_spread
-        return link_colours(errors, spread, [one for one in earlier if one is not None])
 
     @property
     def free_curve(self) -> FreeCurve | None:

@@ -166,7 +166,7 @@ def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
 
 
 def nice_factor(motion: RobotMotion, target: float = 0.25) -> int | None:
-    """The largest round factor of the drawn deflections up to which they are at most `target` [rad]; or None."""
+    """The largest round factor that scales the drawn deflections to at most `target` [rad]; or None."""
     if motion.deflection is None:
         return None
     shown = motion.deflection if motion.determined is None else motion.deflection[:, motion.determined]

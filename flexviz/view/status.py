@@ -62,7 +62,7 @@ def stated_error(
 
 
 def error_text(
-    result: Identification | None, errors: PredictionErrors | DiagnosisStep | None, earlier: bool
+    result: Identification | None, errors: PredictionErrors | DiagnosisStep | None, earlier: bool = False
 ) -> str:
     """`stated_error` in one line, for a terminal."""
     text, rest = stated_error(result, errors, earlier=earlier)
