@@ -86,7 +86,7 @@ class Residual:
     joints: tuple[str, ...]
     rms: Any
     rms_validation: Any
-    noise_floor: Any = None
+    noise_floor: Any = ()
     torque_spread: Any = ()
     groups: Any = ()
 

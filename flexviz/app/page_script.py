@@ -13,6 +13,7 @@ from flexviz.charts import TIME
 from flexviz.wording import escape
 
 TIME_LABEL, SPAN_LABEL, PICTURE_LABEL = "Time [s]", "Span [s]", "Plot to save"  # of the controls
+POLE_LABEL = "Pole moved"
 NUMBER_LABEL, OPEN_LABEL = "Set no.", "Open set"  # of the list of a batch's sets
 PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
 SAVE = """
@@ -36,6 +37,7 @@ def page_script() -> str:
         ("SPAN", SPAN_LABEL),
         ("AXIS", TIME.text),
         ("PICTURE", PICTURE_LABEL),
+        ("POLE", POLE_LABEL),
         ("NUMBER", NUMBER_LABEL),
         ("OPEN", OPEN_LABEL),
     ):

@@ -20,6 +20,7 @@ from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
 from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification
+from flexviz.observers import EsoGains
 from flexviz.session import runs, standing
 from flexviz.wording import stated_errors
 
@@ -82,12 +83,14 @@ class PlotPanel:
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
         self._compared: object = None  # what the staircase shows
+        self._draft: EsoGains | None = None  # gains of the states that are drawn
         self._stale = False  # some iterations are not drawn yet
         store.subscribe(Changed.DIAGNOSIS, self._show_proof)
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         timed = selected | Changed.SPAN
         store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
         store.subscribe(timed | Changed.RESULT | Changed.DERIVED, self._draw_signals)
+        store.subscribe(Changed.LIVE, self._draw_live)
         store.subscribe(selected | Changed.ANALYSIS | Changed.DERIVED, self._draw_compare)
         fit = Changed.OPENED | Changed.FIT | Changed.RESULT | Changed.DERIVED
         store.subscribe(fit, self._iterated)
@@ -124,9 +127,21 @@ class PlotPanel:
     def _draw_states(self) -> None:
         store = self._store
         name, bandwidth, gains = store.analysis.used_tuning
+        self._draft = None if store.live is None else store.live.draft
+        if self._draft is not None:
+            bandwidth, gains = None, self._draft
         observer = view.observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
         self._states.show(view.states_charts(store.group, store.joint, observer, hold, now, store.span))
+
+    def _draw_live(self) -> None:
+        """Let the selected joint's residual, and with a draft of gains the states, follow the tuning."""
+        store = self._store
+        which = store.group, store.joint, store.joint_name
+        self._signals.update(view.signal_residual(*which, before_after(store), store.span))
+        self._signals.move(store.clock.time)
+        if self._draft != (None if store.live is None else store.live.draft):
+            self._draw_states()
 
     def _draw_signals(self) -> None:
         """Draw torque, residual and error of the selected joint and group."""

@@ -23,6 +23,7 @@ from flexviz.app.state import (
     DerivedResults,
     FitProgress,
     Highlight,
+    LiveTuning,
     Message,
     Opened,
     Tone,
@@ -59,7 +60,6 @@ class Store(ChangeSignal):
         self._begin(opened)
 
     # -- what is open --------------------------------------------------------------------------------
-
     def open(self, opened: Opened) -> None:
         """Show a set or session."""
         self.tasks.stop(SetTask)
@@ -73,6 +73,7 @@ class Store(ChangeSignal):
         self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
+        self.live: LiveTuning | None = None
         self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
         self.kept = DerivedResults()
         self._span()
@@ -107,7 +108,6 @@ class Store(ChangeSignal):
         self.tell(Changed.SAVED | Changed.FOLDER)
 
     # -- the analysis --------------------------------------------------------------------------------
-
     def change(self, label: str, analysis: Analysis) -> None:
         """Set a new state of the analysis; changes with one label are one step until there is a pause."""
         before, self._changed = self._changed, time.monotonic()
@@ -157,7 +157,6 @@ class Store(ChangeSignal):
         self.session = self.session.with_recording(file)
 
     # -- derived data --------------------------------------------------------------------------------
-
     @property
     def derived(self) -> Derived:
         """Derived data of the current result."""
@@ -207,7 +206,6 @@ class Store(ChangeSignal):
         return offered_curve(self.analysis.current_diagnosis)
 
     # -- what is shown -------------------------------------------------------------------------------
-
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
         if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
             self.joint = joint
@@ -245,6 +243,11 @@ class Store(ChangeSignal):
             self.highlight = highlight
             self.tell(Changed.HIGHLIGHT)
 
+    def set_live(self, live: LiveTuning | None) -> None:
+        """Show the residual with the tuning that is tried; None: as it was fitted."""
+        self.live = live
+        self.tell(Changed.LIVE)
+
     def set_check(self, sentence: str) -> None:
         """Set the sentence on what can be identified (HTML)."""
         if sentence != self.check:
@@ -262,7 +265,6 @@ class Store(ChangeSignal):
         self._alert(reason)
 
     # -- activity ------------------------------------------------------------------------------------
-
     def await_task(
         self,
         task: Task[Result],
