@@ -11,7 +11,7 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, DASHED, Chart, ChartAxis, ChartSeries, no_chart, thin
 from flexviz.identification import ObservedResidual
-from flexviz.wording import escape, number, quantity
+from flexviz.wording import escape, number, quantity, si_scale
 
 SPARK_WIDTH, SPARK_HEIGHT, SPARK_POINTS = 140, 40, 100  # [px], [px], samples drawn
 NOISE_BAND = 2.0  # noise floors: 95 % of the noise
@@ -59,11 +59,16 @@ def residuals_html(
         f'<div class="fv-multiple{" fv-chosen" if j == chosen else ""}">'
         f"<div><span>{escape(name)}</span> {scores[j]}</div>"
         f"{spark_svg(found.time, found.residual[:, j], float(found.noise_floor[j]), ends[j])}"
-        f'<div class="fv-dim"><span>rms {quantity(float(found.rms[j]), "Nm")}</span>'
-        f"<span>noise {quantity(float(found.noise_floor[j]), 'Nm')}</span></div></div>"
+        f'<div class="fv-dim">{pair(float(found.rms[j]), float(found.noise_floor[j]))}</div></div>'
         for j, name in enumerate(joints)
     ]
     return f'<div class="fv fv-multiples">{"".join(cards)}</div>'
+
+
+def pair(rms: float, floor: float) -> str:
+    """ "68.2 / 1.59 mNm": two torques [Nm] with one prefix."""
+    factor, unit = si_scale(max(rms, floor), "Nm")
+    return f"{number(factor * rms, 3)} / {number(factor * floor, 3)} {unit}"
 
 
 def score(rms: float, least: float, floor: float, torque: float) -> str:

@@ -39,7 +39,7 @@ def temperature_text(degrees: Iterable[float] | None) -> str:
     return f"{', '.join(shown)} °C" if shown else ""
 
 
-MOST_DIGITS = 5  # of a value whose error is told with two digits
+MOST_DIGITS = 5  # of a value that is told with its error
 PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}  # by the power of 1000
 PREFIXED = re.compile(r"(Nm|rad|N|m|s|Hz|V|A|W|J)(?![²³\w])")  # units that take a prefix
 
@@ -96,12 +96,14 @@ def measured_parts(value: float, std: float | None, unit: str) -> tuple[str, str
 def with_error(value: float, error: float | None) -> tuple[str, str]:
     """A value and its error as two texts, both rounded to the error's second significant digit.
 
-    To the first one where the value would have more than `MOST_DIGITS` digits.
+    A value of more than `MOST_DIGITS` digits is rounded to that many, if its error is not 0 then.
 
     >>> with_error(100.234, 0.82)
     ('100.23', '0.82')
     >>> with_error(1000.234, 0.82)
     ('1000.2', '0.8')
+    >>> with_error(3.0, 0.0000123)
+    ('3.00000', '0.00001')
     >>> with_error(-0.0004, 0.02)
     ('0.000', '0.020')
     """
@@ -112,7 +114,8 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
     if place > 4 or place < -7 or top - place > 9:
         return number(value, 5), number(error, 2)
     if top - place >= MOST_DIGITS:
-        place = math.floor(math.log10(error))
+        last = top - MOST_DIGITS + 1
+        place = last if error >= 0.5 * 10.0**last else place + 1
     decimals = max(-place, 0)
     shown = f"{value:.{decimals}f}"
     return shown.replace("-", "−" if float(shown) else ""), f"{error:.{decimals}f}"

@@ -110,8 +110,8 @@ class LiveResidual:
         span = f"{number(found.time[0], 3)} to {number(found.time[-1], 3)} s"
         head = (
             f'<div class="fv"><b>Residual of the identified model</b>{tried}, values kept '
-            f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms against the smallest of the '
-            "tunings tried; band: noise alone)</span></div>"
+            f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise, rms against the '
+            "smallest of the tunings tried; band: noise alone)</span></div>"
         )
         self._found = found
         self._show(head, self._cards())
