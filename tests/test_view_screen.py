@@ -176,7 +176,7 @@ def test_status_names_step_and_error() -> None:
     unknown: Any = Residual(("a", "b"), [0.3, 0.4], [float("nan"), 1.0])
     assert status.error_text(result, unknown).startswith("fit error")
     assert status.error_text(result, None) == "computing the error"
-    assert "cannot" in status.error_text(result, None, failed=True)
+    assert "cannot" in status.stated_error(result, None, failed=True)[0]
     line = status.status_html("Identify", "<script>", "validation error 0.012 Nm", "busy")
     assert "Step Identify" in line and "<script>" not in line and "busy" in line
 
@@ -228,7 +228,10 @@ def test_legend_has_numbers_and_colours() -> None:
     table = re.sub(r"<[^>]*>", " ", html).split()
     assert table[table.index("a") + 1] == "10.0" and table[table.index("b") + 1] == "12.5"
     assert 'title="6.25 % of the torque, 0.250 Nm"' in html
-    assert "error 12.5 × noise floor (6.25 % of the torque, 0.250 Nm)" in html
+    assert "error 12.5 × noise floor (6.25 % of the torque, 0.250 Nm)" in html and "◂" not in html
+    marked = joints_html(("a", "b"), found, motion, 0.5, missing={"b": "Backlash"})
+    first, second = marked.split("<tr ")[1:]
+    assert "◂" not in first and "◂" in second and "missing: Backlash" in second
 
 
 def test_a_deflection_that_is_not_determined_is_hatched() -> None:

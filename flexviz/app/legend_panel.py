@@ -17,8 +17,9 @@ from flexviz.view import (
     model_name,
     name_with_error,
 )
+from flexviz.wording import finding_title
 
-WIDTH = 300  # [pixels]
+WIDTH = 310  # [pixels]
 
 
 def model_names(store: Store) -> tuple[str, ...]:
@@ -64,7 +65,10 @@ class LegendPanel:
         found = colours_of(store, store.errors)
         names = model_names(store)
         self._robots.content = legend_html(found, names, store.view.arcs)
-        self._drawn = (store.measurements.joints, found, motion), store.joint
+        diagnosis = store.analysis.current_diagnosis
+        findings = diagnosis.findings if diagnosis and standing(store.analysis).verdict == "present" else ()
+        missing = {one.joint: finding_title(one) for one in reversed(findings) if one.joint}
+        self._drawn = (store.measurements.joints, found, motion), (store.joint, missing)
         self._at = -1.0
         self._draw_joints()
 
@@ -72,5 +76,5 @@ class LegendPanel:
         """Draw the table, if the instant has changed."""
         now = round(self._store.clock.time, 2)
         if now != self._at:
-            self._at, (drawn, joint) = now, self._drawn
-            self._joints.content = joints_html(*drawn, now, joint)
+            self._at, (drawn, (joint, missing)) = now, self._drawn
+            self._joints.content = joints_html(*drawn, now, joint, missing)

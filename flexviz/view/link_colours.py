@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, cividis, css, gradient
@@ -84,9 +85,17 @@ def _arc(colour: str) -> str:
 
 
 def joints_html(
-    joints: tuple[str, ...], found: LinkColours | None, motion: RobotMotion, time: float, chosen: int = -1
+    joints: tuple[str, ...],
+    found: LinkColours | None,
+    motion: RobotMotion,
+    time: float,
+    chosen: int = -1,
+    missing: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs."""
+    """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs.
+
+    `missing`: what the verdict says is missing on a joint.
+    """
     torque, deflection = motion.loads(time)
     torque_end, deflection_end = motion.half_turns
     colours = [COLOURS.body] * len(joints) if found is None else found.colours
@@ -96,7 +105,8 @@ def joints_html(
         tip = "" if found is None else f' title="{found.errors.hover(index)}"'
         hatched = motion.determined is not None and not motion.determined[index]
         cells = [
-            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}</td>',
+            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}'
+            f"{_mark(missing.get(full))}</td>",
             f"<td{tip}>{error}</td>",
             _load(torque, torque_end, index, 1.0),
             _load(deflection, deflection_end, index, 1e3, hatched),
@@ -109,6 +119,8 @@ def joints_html(
             texts.append("deflection not determined")
         elif deflection is not None:
             texts.append(f"deflection {number(1e3 * float(deflection[index]), 3)} mrad")
+        if full in missing:
+            texts.append(f"missing: {escape(missing[full])}")
         if found is not None:
             texts.append(f"error {found.errors.whole(index)}")
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
@@ -117,6 +129,10 @@ def joints_html(
     head = f"<th>joint</th><th>{unit}</th><th>τ [Nm]</th><th>θ − q [mrad]</th>"
     table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'
     return f'<div class="fv">{table}</div>'
+
+
+def _mark(missing: str | None) -> str:
+    return f' <span class="fv-rises" title="missing: {escape(missing)}">◂</span>' if missing else ""
 
 
 def _load(values: Array | None, ends: Array | None, joint: int, factor: float, hatched: bool = False) -> str:

@@ -35,6 +35,7 @@ from flexviz.wording.findings import (
     effect_title,
     family_title,
     finding_name,
+    finding_title,
     kinds_text,
     lower,
     member_name,
