@@ -26,16 +26,16 @@ from tests.browser.page import (
 pytestmark = pytest.mark.browser
 
 
-CARD = re.compile(r"(\w+)\s+(?:([\d.]+) × least|(noise exceeds torque))\s+([\d.]+) / ([\d.]+) (m?)Nm")
+CARD = re.compile(r"(\w+)\s+(?:([\d.]+) × least|(noise exceeds torque))\s+([\d.]+) / ([\d.]+) ([mkM]?)Nm")
 
 
 def cards(page: Any) -> dict[str, tuple[float, float, float]]:
-    """Joint -> rms ÷ least, rms and noise [Nm], as the small multiples say; NaN: the noise exceeds the torque."""
+    """Joint -> rms ÷ least (NaN: the noise exceeds the torque), rms and noise [Nm], as the cards say."""
     out = {}
     for text in page.locator(".fv-multiple").all_inner_texts():
         if found := CARD.search(text.replace("\n", " ")):
             name, times, _, rms, floor, prefix = found.groups()
-            unit = 1e-3 if prefix else 1.0
+            unit = {"m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}[prefix]
             out[name] = float(times or "nan"), unit * float(rms), unit * float(floor)
     return out
 
@@ -83,7 +83,7 @@ def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
     assert page.evaluate(LINES, "Residual, joint1")[:2] == ["as identified", "with this observer"]
     shot(page, "trade")
 
-    # the widest band leaves noise only: at its noise floor, and red; the large plot follows, Undo takes it back
+    # the widest band leaves noise only, which is red; the large plot follows, and Undo takes it back
     largest = max(map(abs, chart(page, "Residual, joint1")[2]))
     slider = row(page, "Bandwidth [rad/s]").get_by_role("slider")
     slider.focus()
