@@ -107,8 +107,8 @@ POLES = """() => [...document.querySelectorAll('.fv-poles [data-pole]')].map(g =
     return [(r.left + r.right) / 2, (r.top + r.bottom) / 2];
 })"""
 FRAME = """() => [...document.querySelectorAll('.fv-poles text')].map(t => {
-    const r = t.getBoundingClientRect();
-    return [t.textContent, r.left, r.top];
+    const r = t.getBoundingClientRect(), box = t.ownerSVGElement.getBoundingClientRect();
+    return [t.textContent, Math.round(r.left - box.left), Math.round(r.top - box.top)];
 })"""
 MIDDLE = "() => document.querySelector('.fv-poles').scrollIntoView({block: 'center'})"
 
