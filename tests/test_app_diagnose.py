@@ -45,18 +45,22 @@ def diagnose_step(app: Application) -> DiagnoseStep:
 
 def one_error_everywhere(app: Application) -> None:
     """Status line, table, staircase and report state one error of the model that is shown."""
-    said = re.search(r"validation error ([\d.]+) % of the torque \(([\d.]+) Nm\)", status(app))
+    said = re.search(r"validation error ([\d.]+) × noise floor, most on joint2: ([\d.]+) ×", status(app))
     assert said, status(app)
-    percent = float(said[1])
+    times = float(said[1])
     rows = re.findall(r"<tr><td>.*?</tr>", app.plots._steps.content)
     held_out = re.findall(r">([\d.]+)</td>", rows[len(app.store.analysis.model_steps) - 1])[-1]
-    assert float(held_out) == pytest.approx(percent, rel=0.05)
+    assert float(held_out) == pytest.approx(times, rel=0.05)
     *_, validation = (line for line in staircase_charts(app.store.analysis.model_steps, 0, ("a", "b"),
         app.store.measurements.torque_spread)[0].series if "validation" in line.label)  # fmt: skip
-    assert validation.y[-1] == pytest.approx(percent, rel=0.05)
+    assert validation.y[-1] == pytest.approx(times, rel=0.05)
     content = gather(app.store.session, app.store.measurements)
     tile = next(tile for tile in numbers(content) if tile.label == "Error")
-    assert tile.value.removesuffix(" %").split(" → ")[-1] == said[1]
+    assert tile.value.removesuffix(" ×").split(" → ")[-1] == said[1]
+    legend = re.sub(
+        r"<[^>]*>", " ", app.legend._joints.content
+    ).split()  # the largest one is that of its link
+    assert legend[legend.index("joint2") + 1] == said[2]
     # and nearly what identification alone gives: no other band, whatever the observer
     errors = identified_errors(app.store.measurements, app.store.analysis)
     assert errors is not None and errors.rms_validation is not None
@@ -123,8 +127,8 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
     assert result.model.effects == last.step.model.effects
     assert last.step.rms_validation is not None
     assert last.step.rms == diagnosed_demo.steps[-1].rms  # on one core, to the last digit
-    shares = np.array(last.step.rms_validation) / app.store.measurements.torque_spread
-    assert f"validation error {100 * shares.mean():.2g} % of the torque" in status(app)
+    times = np.divide(last.step.rms_validation, last.step.noise_floor)
+    assert f"validation error {times.mean():.3g} × noise floor" in status(app)
     use(app, "Undo")
     assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
 

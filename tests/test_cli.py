@@ -326,7 +326,7 @@ def test_output_file_is_checked_before_the_work(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "value, std, shown",
     [
-        (1000.2345, 0.4, ("1000.23", "0.78")),
+        (1000.2345, 0.4, ("1000.2", "0.8")),
         (-12.34, 0.5, ("-12.34", "0.98")),
         (-0.001, 0.5, ("0.00", "0.98")),
         (3.0, None, ("3.000", "–")),

@@ -44,12 +44,6 @@ def found(both: Both) -> Both:
     return both[0], diagnosed_session(both[0], DIAGNOSIS)
 
 
-def mean_percent(measurements: MeasurementSet, rms: tuple[float, ...]) -> str:
-    """The mean over the joints of the error in per cent of the recorded torque's spread."""
-    spread = np.concatenate([group.joined("tau") for group in measurements.groups]).std(axis=0)
-    return f"{100 * np.mean(np.array(rms) / spread):#.3g}"
-
-
 class Tags(HTMLParser):
     """Collects tags with their attributes, headings and text; fails where they are not nested."""
 
@@ -98,17 +92,18 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
     for words in (
         "Missing: Coulomb friction on joint2: > 99 % of the error (added here). With it not all",
         "With it not all of the error is explained:",
-        "mostly on joint2, where 31 % of it follows the velocity",
+        "mostly on joint1; of the residual of joint2, 31 % follows the velocity",
         "The error on held-out groups went from ",
-        " % of the torque (1.74 Nm) to ",  # sqrt of the mean square of (2.2, 1.1), (0.021, 0.031)
-        " % of the torque (0.0265 Nm).",
+        "from 138 × noise floor (",  # mean of 2.2 / 0.01 and 1.1 / 0.02
+        " % of the torque, 1.74 Nm) to 1.83 × noise floor (",  # sqrt of the mean square of (2.2, 1.1)
+        " % of the torque, 26.5 mNm).",
         "Before, other parameters had absorbed what was added:",
         "coulomb 3.000 ± 0.020 Nm. Removes > 99 % of the error; confidence 98 %.",
         "motor viscous friction of joint2: 12.00 → 10.10 Nm s/rad",
         "A payload twice as heavy would tell the two apart.",
         "Coulomb friction at the link on joint2",
         "31 % ± 4 % of the residual of joint2 follows its velocity, most of it from 0.200 to 1.00 rad/s.",
-        "1987.3", "4.1", "not to be trusted", "part is observer error", "0.0158 Nm",
+        "1.9873", "0.0041", "not to be trusted", "part is observer error", "15.8 mNm",
         "flexviz report", "sha256sum --check", "numpy", "(validation)",
     ):  # fmt: skip
         assert words in page.text, words
@@ -125,18 +120,18 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
 def test_tables_hold_the_numbers(found: Both) -> None:
     measurements, session = found
     text = session_report(session, measurements, "md")
-    before, after, floor = (
-        mean_percent(measurements, rms) for rms in ((2.2, 1.1), (0.021, 0.031), (0.01, 0.02))
+    share = (
+        100 * 0.031 / np.concatenate([group.joined("tau") for group in measurements.groups]).std(axis=0)[1]
     )
     for row in (
-        f"| g3 | validate | {before} | {after} |",
-        f"| noise floor |   | {floor} | {floor} |",
-        "| 0.0310 | 0.0200 |",
-        "| joint1 | stiffness | **1987.3** | 4.1 | Nm/rad | ● yes |   |",
+        "| g3 | validate | 138 | 1.83 |",  # means of 2.2 / 0.01 and 1.1 / 0.02, 0.021 / 0.01 and 0.031 / 0.02
+        f"| joint2 | 55.0 | 1.55 | {share:.3g} |",
+        "| 31.0 mNm | 20.0 mNm |",
+        "| joint1 | stiffness | **1.9873** | 0.0041 | kNm/rad | ● yes |   |",
         "| joint1 | motor viscous friction | **1.10** | 0.78 | Nm s/rad | ◐ weak "
         "| link viscous friction of joint1 |",
         "| model 0 | 2 | Torque offset on joint1 | offset 0.40 ± 0.39 Nm | 11 % | 2 % |   |",
-        "| joint2 | 1.6 × | 0 % | **31 %** | 4 % | 2 % | 3 % | **5 %** | **6 %** | **7 %** |",
+        "| joint2 | 1.55 × | 0 % | **31 %** | 4 % | 2 % | 3 % | **5 %** | **6 %** | **7 %** |",
         "| stiffness | joint2 | 1987 | 1400 | 1987 | Nm/rad | 280 | **not to be trusted** |",
     ):
         assert row in text, row

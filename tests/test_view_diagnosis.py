@@ -123,7 +123,7 @@ def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
     assert values_text(FINDING) == "coulomb 3.000 ± 0.020 Nm"
     tilt = {"tilt_x": EffectParameter(-1e-9, 30.0, "rad"), "tilt_y": EffectParameter(0.02, 1e-4, "rad")}
     turned = replace(FINDING, effect="base_tilt", joint=None, parameters=tilt)
-    assert values_text(turned) == "tilt x not determined, tilt y 0.02000 ± 0.00020 rad"  # bounds: ± 0.6
+    assert values_text(turned) == "tilt x not determined, tilt y 20.00 ± 0.20 mrad"  # bounds: ± 0.6
     text = finding_html(MergedFinding((FINDING,)), 1, full=True)
     for part in ("1. Coulomb friction on joint2", "98 %", "62 %", "twice as heavy", "12.00 → 10.10 Nm s/rad"):
         assert part in text, part
@@ -177,10 +177,11 @@ def test_stairs_fall_and_say_what_was_added() -> None:
     both, one = staircase_charts(model_steps, 1, JOINTS)
     labels = [series.label for series in both.series]
     assert labels == ["g1", "g4 (validation)", "noise floor"]
-    assert both.series[0].y[0] == pytest.approx(np.sqrt(2.5)) and both.series[0].y[-1] < 0.2
-    assert list(columns(both)[0]) == [-0.5, 0.5, 0.5, 1.5] and one.series[0].y[0] == 1.0
+    assert both.series[0].y[0] == pytest.approx(125.0) and both.series[0].y[-1] == pytest.approx(12.5)
+    assert list(columns(both)[0]) == [-0.5, 0.5, 0.5, 1.5] and one.series[0].y[0] == pytest.approx(50.0)
     assert both.x.ticks == ((0, "0"), (1, "1")) and both.series[1].dash and not both.series[0].dash
-    assert "g1 from 1.58 to 0.158 Nm" in both.description
+    assert set(both.series[-1].y) == {1.0}  # the noise floor
+    assert "g1 from 125 to 12.5 × noise floor" in both.description
     assert "+ Coulomb friction on joint2" in staircase_html(model_steps, JOINTS)
     families = (("coulomb_friction:joint2", "dry_friction"),)
     untold = (model_steps[0], replace(model_steps[1], families=families))

@@ -31,7 +31,7 @@ from flexviz.view.time_charts import (
     states_charts,
     stretch,
 )
-from flexviz.wording import number
+from flexviz.wording import JointErrors, number
 from tests.small_set import write_small_set
 
 
@@ -149,6 +149,7 @@ class Model:
 @dataclass
 class Result:
     residuals: dict[str, Series]
+    parameters: tuple[Any, ...] = ()
     model: Model = field(default_factory=lambda: Model(np.array([2000.0, 1500.0])))
 
 
@@ -220,6 +221,27 @@ def test_deflection_from_the_best_source(measurements: MeasurementSet) -> None:
     assert np.abs(found.deflection[:, 0] - at).max() < 2e-3
 
 
+def test_the_deflection_is_drawn_where_the_stiffness_is_determined(measurements: MeasurementSet) -> None:
+    group, (first, second) = measurements.groups[0], measurements.joints
+
+    def of(grade: str, at_bound: bool = False) -> RobotMotion:
+        one = SimpleNamespace(name="stiffness", joint=first, identifiable="yes", at_bound=False)
+        other = SimpleNamespace(name="stiffness", joint=second, identifiable=grade, at_bound=at_bound)
+        result = replace(result_for(measurements), parameters=(one, other))
+        return measured_motion(measurements, group, result)
+
+    assert of("weak").determined is not None and of("weak").determined.tolist() == [True, True]  # type: ignore[union-attr]
+    for motion in (of("no"), of("yes", at_bound=True)):
+        assert motion.determined is not None and motion.determined.tolist() == [True, False]
+        straight, bent = motion.pose(1.0)[0], motion.pose(1.0, deflection=50.0)[0]
+        assert straight[0] != bent[0] and straight[1] == bent[1]
+    # before Run nothing is determined, nothing is drawn, and no factor is chosen
+    rough = measured_motion(measurements, group, None)
+    assert nice_factor(rough) is None
+    assert np.array_equal(rough.pose(1.0, deflection=50.0)[0], rough.pose(1.0)[0])
+    assert "deflection not drawn: K is not determined" in scene_labels(rough, 50.0, 1.0)[0]
+
+
 def test_motion_exaggerates_deflection_and_error() -> None:
     t = np.array([0.0, 1.0])
     motion = RobotMotion("g", t, np.array([[0.0], [1.0]]), np.array([[0.1], [0.1]]), "link encoders")
@@ -289,10 +311,18 @@ def test_the_cost_falls_although_its_weights_change() -> None:
     fall = falling_cost(steps)
     assert fall[0] == 1.0 and np.all(np.diff(fall) <= 0.0)
     assert fall[-1] == pytest.approx(403 / 1204 * 769 / 853 * 1192 / 1251)
-    error, cost, _ = convergence_charts(steps, (80.0, 8.0, 7.0, 6.5), 0.1)
+    error, cost, _ = convergence_charts(
+        steps, [JointErrors((rms,), (0.1,), (4.0,)) for rms in (8.0, 0.8, 0.7, 0.65)]
+    )
+    assert error.y.unit == "× noise floor"
     assert [stage.name for stage in cost.stages] == ["1. fit", "2. fit, new weights", "3. again"]
     x, line, floor, *bands = columns(error)
-    assert line[0] == 80.0 and line[2] == 8.0 and line[-1] == 6.5 and set(floor) == {0.1}
+    assert (
+        line[0] == pytest.approx(80.0)
+        and line[2] == pytest.approx(8.0)
+        and line[-1] == pytest.approx(6.5)
+        and set(floor) == {1.0}
+    )
     for stage, band in zip(cost.stages, bands, strict=True):  # as wide as its iterations, none overlaps
         assert x[band == 1.0].min() == stage.first and x[band == 1.0].max() == stage.last
     assert np.array_equal(np.sum(bands, axis=0), np.ones(len(x)))

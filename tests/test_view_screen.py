@@ -50,7 +50,8 @@ def test_numbers_as_people_read_them(value: Any, text: str) -> None:
 @pytest.mark.parametrize(
     "value, error, texts",
     [
-        (1000.234, 0.82, ("1000.23", "0.82")),
+        (1000.234, 0.82, ("1000.2", "0.8")),
+        (100.234, 0.82, ("100.23", "0.82")),
         (0.00123456, 0.0000123, ("0.001235", "0.000012")),
         (5.0, None, ("5.000", "–")),
         (5.0, float("inf"), ("5.000", "–")),
@@ -86,7 +87,7 @@ class Residual:
     joints: tuple[str, ...]
     rms: Any
     rms_validation: Any
-    noise_floor: Any = None
+    noise_floor: Any = ()
     torque_spread: Any = ()
     groups: Any = ()
 
@@ -114,8 +115,7 @@ def test_parameter_table_says_everything_and_escapes() -> None:
     text = parameters_html(result)
     assert "<img" not in text and "&lt;img" in text
     for part in (
-        "1000.00",
-        "0.98",
+        "<b>1.0000</b></td><td>0.0010</td><td>kNm/rad",
         "weak",
         "tied to motor_viscous_friction:j",
         "all joints",
@@ -126,7 +126,7 @@ def test_parameter_table_says_everything_and_escapes() -> None:
         assert part in text
     assert "truth" not in text and "Refine" not in parameters_html(replace(result, refined=True))
     shown = parameters_html(result, {("stiffness", evil): 1001.5})
-    assert "truth" in shown and "1002" in shown
+    assert "truth" in shown and ">1.002<" in shown
     assert "after Run" in parameters_html(None)
 
 
@@ -160,16 +160,24 @@ def test_status_names_step_and_error() -> None:
     assert status.error_text(None, None) == "no model yet"
     result: Any = Result((), Residual(("a", "b"), [9.0, 9.0], [9.0, 9.0]))
     validated: Any = Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012])
-    assert status.error_text(result, validated) == "validation error 0.0120 Nm"
+    assert status.error_text(result, validated) == "validation error 12.0 mNm, most on a: 12.0 mNm"
     result.residual.torque_spread = (0.1, 0.4)
-    assert status.error_text(result, validated) == "validation error 7.5 % of the torque (0.0120 Nm)"
+    assert status.error_text(result, validated) == (
+        "validation error 7.50 % of the torque, most on a: 12.0 % (12.0 mNm)"
+    )
+    measured: Any = Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012], noise_floor=(0.01, 0.002))
+    text, hover = status.stated_error(result, measured)
+    assert text == "validation error 3.60 × noise floor, most on b: 6.00 ×"
+    assert hover == "7.50 % of the torque, 12.0 mNm"
+    line = status.status_html("Identify", "", text, "", hover)
+    assert f'title="{hover}"' in line and "<span>6.00 ×</span>" in line
     result.residual.torque_spread = ()
     fitted: Any = Residual(("a", "b"), [0.3, 0.4], None)
     assert status.error_text(result, fitted).startswith("fit error 0.354 Nm")
     unknown: Any = Residual(("a", "b"), [0.3, 0.4], [float("nan"), 1.0])
     assert status.error_text(result, unknown).startswith("fit error")
     assert status.error_text(result, None) == "computing the error"
-    assert "cannot" in status.error_text(result, None, failed=True)
+    assert "cannot" in status.stated_error(result, None, failed=True)[0]
     line = status.status_html("Identify", "<script>", "validation error 0.012 Nm", "busy")
     assert "Step Identify" in line and "<script>" not in line and "busy" in line
 
@@ -186,29 +194,59 @@ def errors_of(*rms: float) -> Any:
 
 def test_links_at_the_noise_are_dark_and_the_scale_keeps_its_end() -> None:
     spread = (2.0, 4.0)  # [Nm]
-    bad = link_colours(errors_of(0.011, 0.4), "g<1>", spread)
-    assert bad is not None and bad.end == pytest.approx(np.sqrt(0.4**2 - 0.02**2) / 4.0)
+    bad = link_colours(errors_of(0.011, 0.4), spread)
+    assert bad is not None and bad.end == pytest.approx(0.4 / 0.02)
     assert bad.colours[1] == colours.cividis(1.0) and sum(bad.colours[0]) < sum(colours.cividis(0.1))
-    good = link_colours(errors_of(0.0101, 0.021), "g<1>", spread, [errors_of(0.011, 0.4)])
+    good = link_colours(errors_of(0.0101, 0.021), spread, [errors_of(0.011, 0.4)])
     assert good is not None and good.end == bad.end
     assert all(sum(colour) < sum(colours.cividis(0.1)) for colour in good.colours)
     # without an earlier model, errors near the noise are not stretched over the whole scale
-    alone = link_colours(errors_of(0.0101, 0.021), "g<1>", spread)
+    alone = link_colours(errors_of(0.0101, 0.021), spread)
     assert alone is not None and all(sum(colour) < sum(colours.cividis(0.3)) for colour in alone.colours)
-    assert link_colours(errors_of(0.1, 0.2), "another", spread) is None
-    constant = link_colours(errors_of(0.1, 0.2), "g<1>", (0.0, 4.0))
+    assert link_colours(None, spread) is None
+
+
+def test_the_brightest_link_is_farthest_above_its_noise_not_of_the_smallest_torque() -> None:
+    # the first joint has the larger share of its torque (11 % against 10 %), the second is 20 times its noise
+    found = link_colours(errors_of(0.11, 0.4), (1.0, 4.0))
+    assert found is not None and found.errors.shares == pytest.approx([11.0, 10.0])
+    beyond = np.sqrt(np.array([11.0, 20.0]) ** 2 - 1)
+    assert found.colours == [colours.cividis(float(one)) for one in beyond / beyond[1]]
+    unknown = replace(errors_of(0.11, 0.4), noise_floor=())
+    shares = link_colours(unknown, (1.0, 4.0))
+    assert shares is not None and shares.colours[0] == colours.cividis(1.0)
+    constant = link_colours(unknown, (0.0, 4.0))
     assert constant is not None and constant.colours[0] == colours.COLOURS.body
 
 
 def test_legend_has_numbers_and_colours() -> None:
-    assert "after Run" in legend_html(None, "g1")
-    found = link_colours(errors_of(0.1, 0.25), "g<1>", (2.0, 4.0))
-    text = legend_html(found, "g<1>", ("model 0", "model <1>"))
-    assert "g&lt;1&gt;" in text and "model &lt;1&gt;" in text
+    assert "after Run" in legend_html(None)
+    found = link_colours(errors_of(0.1, 0.25), (2.0, 4.0))
+    text = legend_html(found, ("model 0", "model <1>"))
+    assert "model &lt;1&gt;" in text and "Link: error [× noise floor]" in text
     motion = RobotMotion("g", np.array([0.0, 1.0]), np.zeros((2, 2)), None, "unknown")
-    table = re.sub(r"<[^>]*>", " ", joints_html(("a", "b"), found, motion, 0.5)).split()
-    assert table[table.index("a") + 1] == "5.0" and table[table.index("b") + 1] == "6.2"
-    assert "noise <span" in text and "per cent of each joint" in text
+    html = joints_html(("a", "b"), found, motion, 0.5)
+    table = re.sub(r"<[^>]*>", " ", html).split()
+    assert table[table.index("a") + 1] == "10.0" and table[table.index("b") + 1] == "12.5"
+    assert 'title="6.25 % of the torque, 0.250 Nm"' in html
+    assert "error 12.5 × noise floor (6.25 % of the torque, 0.250 Nm)" in html and "◂" not in html
+    marked = joints_html(("a", "b"), found, motion, 0.5, missing={"b": "Backlash"})
+    first, second = marked.split("<tr ")[1:]
+    assert "◂" not in first and "◂" in second and "missing: Backlash" in second
+
+
+def test_a_deflection_that_is_not_determined_is_hatched() -> None:
+    deflection = np.full((2, 2), 0.01)
+    motion = RobotMotion(
+        "g", np.array([0.0, 1.0]), np.zeros((2, 2)), deflection, "identified", torque=deflection,
+        determined=np.array([True, False]),
+    )  # fmt: skip
+    html = joints_html(("a", "b"), None, motion, 0.5)
+    first, second = html.split("<tr ")[1:]
+    assert "fv-hatched" not in first and "deflection 10.0 mrad" in first
+    assert "fv-hatched" in second and "deflection not determined" in second
+    measured, _ = motion.pose(0.5, deflection=10.0)
+    assert measured == pytest.approx([-0.1, 0.0])
 
 
 def test_colours() -> None:

@@ -14,6 +14,9 @@ from flexviz.effects import EFFECT_FAMILIES, EFFECTS
 from flexviz.results import CandidateEntry, Note, parts
 from flexviz.wording import (
     FAMILY_TITLES,
+    PERCENT,
+    TIMES,
+    JointErrors,
     decoys_text,
     explained,
     family_title,
@@ -25,11 +28,11 @@ from flexviz.wording import (
     merged_texts,
     moved,
     span_text,
+    stated_errors,
     step_shares,
     text_names,
     text_runs,
     told_moves,
-    torque_error_text,
     verdict_text,
 )
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS, TRACE
@@ -38,20 +41,39 @@ FIRST = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(
 JOINTS = ("joint1", "joint2")
 
 
-def test_an_error_is_a_share_of_the_torque_first() -> None:
-    assert torque_error_text((0.3, 0.4), (3.0, 1.0)) == "25 % of the torque (0.354 Nm)"
-    assert torque_error_text((0.3, 0.4)) == "0.354 Nm"
+def test_an_error_is_a_multiple_of_the_noise_floor_first() -> None:
+    errors = JointErrors((0.3, 0.4), (0.1, 0.01), (3.0, 1.0))
+    assert errors.unit == TIMES and errors.values == pytest.approx([3.0, 40.0]) and errors.order == [1, 0]
+    assert errors.whole() == "21.5 × noise floor (25.0 % of the torque, 0.354 Nm)"
+    assert errors.whole(0) == "3.00 × noise floor (10.0 % of the torque, 0.300 Nm)"
+    assert (errors.short(), errors.short(1)) == ("21.5 ×", "40.0 ×")
+    # the torque of a joint that is held still has no spread; a noise floor of zero is none
+    assert JointErrors((0.3,), (0.1,), (0.0,)).hover(0) == "0.300 Nm"
+    assert JointErrors((0.3, 0.4), (0.1, 0.0), (3.0, 1.0)).unit == PERCENT
+    step: Any = SimpleNamespace(rms=(0.3,), rms_validation=(0.2,), noise_floor=(0.1,))
+    assert stated_errors(step, ()).text() == "2.00 × noise floor"
+    step.rms_validation = (math.nan,)
+    assert stated_errors(step, ()).text() == "3.00 × noise floor"
+
+
+def test_an_error_is_told_in_other_units_where_noise_or_torque_are_unknown() -> None:
+    # without a noise floor
+    errors = JointErrors((0.3, 0.4), (), (3.0, 1.0))
+    assert errors.whole() == "25.0 % of the torque (0.354 Nm)" and errors.short(1) == "40.0 %"
+    assert JointErrors((0.3, 0.4)).whole() == "0.354 Nm" and JointErrors((0.03,)).text(0) == "30.0 mNm"
     assert mean_nrms((0.3, 0.4), (0.0, 1.0)) == 0.4  # a constant torque has no share
-    assert torque_error_text((0.3,), (0.0,)) == "0.300 Nm"
     assert [explained(e) for e in (0.2, 0.078, 1e-4, 1.7, math.nan)] == [
         "96 %", "99.4 %", "> 99.999 %", "0 %", "–",
     ]  # fmt: skip
 
 
-def test_what_stays_is_ranked_by_the_share_of_the_torque() -> None:
-    text = left_text(("arm", "wrist"), (90.0, 15.0), (600.0, 200.0), (15.0, 0.15))
-    assert text == "arm 15 % of its torque (90.0 Nm, 6.0 times the noise); wrist 7.5 % of its torque (15.0 Nm, 100 times the noise)"  # fmt: skip  # noqa: E501
-    assert left_text(("a", "b"), (1.0, 2.0), (), ()) == "b 2.00 Nm; a 1.00 Nm"
+def test_what_stays_is_ranked_by_the_measure() -> None:
+    text = left_text(("arm", "wrist"), JointErrors((90.0, 15.0), (15.0, 0.15), (600.0, 200.0)))
+    assert text == (
+        "wrist 100 × noise floor (7.50 % of its torque, 15.0 Nm); "
+        "arm 6.00 × noise floor (15.0 % of its torque, 90.0 Nm)"
+    )
+    assert left_text(("a", "b"), JointErrors((1.0, 2.0))) == "b 2.00 Nm; a 1.00 Nm"
 
 
 @pytest.mark.parametrize(
@@ -125,15 +147,19 @@ def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> Non
     assert "1. coulomb_friction on joints 1 and 2: together they remove 98 % of the error" in text
     assert "joint1: coulomb 7.000 ± 0.039 Nm" in text and "joint2: coulomb 3.000 ± 0.020 Nm" in text
     rows = [line.split() for line in text.splitlines()]
-    assert ["20.0", "11.0", "15.5", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
-    assert ["0.182", "3.00", "1.59", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
+    assert ["220", "55.0", "138", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
+    assert ["2.00", "15.0", "8.50", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
     assert sum(row[:2] == ["+", "Coulomb"] for row in rows) == 1  # two steps, one line
-    assert "what stays: joint2 3.0 % of its torque (0.300 Nm, 15 times the noise); joint1 0.18 %" in text
+    assert "what stays: joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm); joint1 2.00 ×" in text
     assert text.count("absorbed") == 1 and "unexplained" not in text
-    assert "error of the held-out groups [Nm]" in lines(diagnosis)  # without the torque
+    assert "error of the held-out groups [× noise floor]" in text
+    silent = tuple(replace(step, noise_floor=()) for step in diagnosis.steps)
+    shares = lines(replace(diagnosis, steps=silent), (11.0, 10.0))
+    assert "error of the held-out groups [% of the torque]" in shares  # without the noise
+    assert "error of the held-out groups [Nm]" in lines(replace(diagnosis, steps=silent))  # nor the torque
     narrow = replace(diagnosis, torque_spread=(11.0, 10.0)).summary(width=60)
     assert "  1: + Coulomb friction on joints 1 and 2 → unknown" in narrow
-    assert ["1", "0.18", "3.0", "1.6"] in [line.split() for line in narrow.splitlines()]
+    assert ["1", "2.0", "15", "8.5"] in [line.split() for line in narrow.splitlines()]
 
 
 def test_a_held_out_group_without_samples_leaves_no_empty_error() -> None:

@@ -9,7 +9,7 @@ import viser
 
 from flexviz.app.cameras import Cameras
 from flexviz.app.events import Event, EventQueue
-from flexviz.app.legend_panel import model_names
+from flexviz.app.legend_panel import colours_of, model_names
 from flexviz.app.page import Page
 from flexviz.app.page_script import SCREEN_LABEL
 from flexviz.app.playback import Playback
@@ -94,14 +94,14 @@ class Display:
     def _colour(self) -> None:
         """Colour links by the error of the model: on the measured robot, or on models side by side."""
         store, scene = self._store, self.scene
-        own = store.link_colours(store.errors)
+        own = colours_of(store, store.errors)
         shown, beside = None if own is None else own.colours, store.beside
         if beside is None or scene.beside is None:
             scene.measured.colour(shown)
             scene.identified.colour(None)
             return
         apart = store.view.layout == SIDE_BY_SIDE
-        other = store.link_colours(beside[0].step)
+        other = colours_of(store, beside[0].step)
         scene.measured.colour(None if apart else shown)
         scene.identified.colour(shown if apart else None)
         scene.beside.colour(other.colours if apart and other is not None else None)
@@ -127,7 +127,8 @@ class Display:
         poses = self._poses()
 
         def draw(time: float) -> None:
-            scene.pose(poses(time), motion.arcs(time) if view.arcs else (None, None))
+            arcs = motion.arcs(time) if view.arcs else (None, None)
+            scene.pose(poses(time), arcs, motion.determined)
 
         scene.labels(self._labels())
         drawn = [poses(float(time)) for time in self._instants(TRAIL_POINTS)]

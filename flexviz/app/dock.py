@@ -10,7 +10,7 @@ from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import next_button, next_option, no_label, pressed, style
 from flexviz.session import standing
-from flexviz.view import error_text, next_step, status_html, step_line_html, steps_done
+from flexviz.view import next_step, stated_error, status_html, step_line_html, steps_done
 
 LEFT_WIDTH = 330  # [pixels]
 
@@ -80,10 +80,11 @@ class Dock:
     def _say(self) -> None:
         store, message = self._store, self._store.message
         now, failed = standing(store.analysis), "errors" in store.derived.failed
-        error = error_text(store.analysis.identification, store.errors, failed, now.fit == "earlier")
-        stale = now.fit == "earlier" or (now.bounds and now.errors == "fit")
+        earlier = now.fit == "earlier"
+        error, hover = stated_error(store.analysis.identification, store.errors, failed, earlier)
+        stale = earlier or (now.bounds and now.errors == "fit")
         self._status.content = status_html(
-            store.step, message.text, error, message.tone or ("warn" if stale else "")
+            store.step, message.text, error, message.tone or ("warn" if stale else ""), hover
         )
 
     def _show_step(self) -> None:

@@ -5,10 +5,21 @@ from __future__ import annotations
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
+from flexviz.diagnosis import PredictionErrors
+from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.session import standing
-from flexviz.view import OF_EARLIER, joints_html, legend_html, model_name, name_with_error
+from flexviz.view import (
+    OF_EARLIER,
+    LinkColours,
+    joints_html,
+    legend_html,
+    link_colours,
+    model_name,
+    name_with_error,
+)
+from flexviz.wording import finding_title
 
-WIDTH = 300  # [pixels]
+WIDTH = 310  # [pixels]
 
 
 def model_names(store: Store) -> tuple[str, ...]:
@@ -25,6 +36,13 @@ def model_names(store: Store) -> tuple[str, ...]:
     ]
     shown = names[0] if now.errors == "verdict" else name_with_error("Run", store.errors, spread)
     return f"{shown}{earlier}", names[1]
+
+
+def colours_of(store: Store, errors: PredictionErrors | DiagnosisStep | None) -> LinkColours | None:
+    """Colours of the links by a model's errors; their scale ends at the largest error of all models."""
+    known = [*(one.errors for one in store.kept), *(one.step for one in store.analysis.model_steps)]
+    earlier = [one for one in known if one is not None]
+    return link_colours(errors, store.measurements.torque_spread, earlier)
 
 
 class LegendPanel:
@@ -44,10 +62,13 @@ class LegendPanel:
 
     def _draw(self) -> None:
         store, motion = self._store, self._store.motion
-        found = store.link_colours(store.errors)
+        found = colours_of(store, store.errors)
         names = model_names(store)
-        self._robots.content = legend_html(found, store.group.name, names, store.view.arcs)
-        self._drawn = (store.measurements.joints, found, motion), store.joint
+        self._robots.content = legend_html(found, names, store.view.arcs)
+        diagnosis = store.analysis.current_diagnosis
+        findings = diagnosis.findings if diagnosis and standing(store.analysis).verdict == "present" else ()
+        missing = {one.joint: finding_title(one) for one in reversed(findings) if one.joint}
+        self._drawn = (store.measurements.joints, found, motion), (store.joint, missing)
         self._at = -1.0
         self._draw_joints()
 
@@ -55,5 +76,5 @@ class LegendPanel:
         """Draw the table, if the instant has changed."""
         now = round(self._store.clock.time, 2)
         if now != self._at:
-            self._at, (drawn, joint) = now, self._drawn
-            self._joints.content = joints_html(*drawn, now, joint)
+            self._at, (drawn, (joint, missing)) = now, self._drawn
+            self._joints.content = joints_html(*drawn, now, joint, missing)

@@ -52,6 +52,33 @@ if (!window.flexvizPage) {
     setTimeout(() => open.click(), 150);  // the press must not overtake the number
   }, true);
 
+  // a pole follows the pointer: its picture is drawn anew meanwhile, but its frame stays
+  let pole = null, drags = 0;
+  const placed = e => {
+    const box = document.querySelector('.fv-poles').getBoundingClientRect();
+    const { width, height } = document.querySelector('.fv-poles').viewBox.baseVal;
+    return [((e.clientX - box.left) * width) / box.width, ((e.clientY - box.top) * height) / box.height];
+  };
+  document.addEventListener('pointerdown', e => {
+    const grip = e.target.closest ? e.target.closest('[data-pole]') : null;
+    if (!grip) return;
+    e.preventDefault();  // selects no text
+    drags += 1;
+    pole = { name: `${drags} ${grip.dataset.pole}`, at: null };
+  }, true);
+  document.addEventListener('pointermove', e => {
+    if (!pole || !document.querySelector('.fv-poles')) return;
+    if (!pole.at) setTimeout(() => {
+      if (pole && pole.at) inputs('POLE').slice(0, 1).forEach(input => type(input, pole.at));
+      if (pole) pole.at = null;
+    }, 40);  // [ms] what is between two pictures is not sent
+    pole.at = `${pole.name} ${placed(e).map(one => one.toFixed(1)).join(' ')}`;
+  }, true);
+  document.addEventListener('pointerup', () => {
+    if (pole && pole.at) inputs('POLE').slice(0, 1).forEach(input => type(input, pole.at));
+    pole = null;
+  }, true);
+
   let saved = 0;
   document.addEventListener('mouseover', e => {
     const box = e.target.closest ? e.target.closest('.uplot-container') : null;

@@ -15,6 +15,7 @@ from flexviz.charts import TIME
 from flexviz.wording import escape
 
 TRANSPORT_LABEL, SCREEN_LABEL, PICTURE_LABEL = "Playback command", "Canvas", "Plot to save"  # hidden texts
+POLE_LABEL = "Pole moved"
 NUMBER_LABEL, OPEN_LABEL = "Set no.", "Open set"  # of the list of a batch's sets
 PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
 SAVE = """
@@ -41,6 +42,7 @@ def page_script() -> str:
         ("SCREEN", SCREEN_LABEL),
         ("AXIS", TIME.text),
         ("PICTURE", PICTURE_LABEL),
+        ("POLE", POLE_LABEL),
         ("NUMBER", NUMBER_LABEL),
         ("OPEN", OPEN_LABEL),
     ):

@@ -54,7 +54,10 @@ class PlaybackPanel:
             speed = page.dropdown("Speed", SPEED_NAMES, self._set_speed, initial_value="1×")
             hint = "what is played and drawn; drag across a plot to choose it, double click for all of it"
             self._span = page.watch(gui.add_text("Span [s]", "", hint=hint), self._set_span)
-            hint = "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q"
+            hint = (
+                "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q; only of joints "
+                "whose stiffness the data determine"
+            )
             deflection = gui.add_slider("Deflection ×", 0, 500, 1, 1, hint=hint)
             self._deflection = page.watch(deflection, self._set("deflection"))
             hint = "exaggerates simulated − measured motor angle of the identified robot"
@@ -85,6 +88,7 @@ class PlaybackPanel:
         store.subscribe(Changed.OPENED | Changed.GROUP | Changed.SPAN, self._show_span, Turn.CONTROLS)
         shown = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.VIEW
         store.subscribe(shown, self._refresh, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.RESULT, self._show_factor, Turn.CONTROLS)
         store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
     def _set(self, name: str) -> Callable[[Any], None]:
@@ -111,11 +115,12 @@ class PlaybackPanel:
             self._typed = text[:MAX_TYPED] if found else ""
             self._store.set_span(*(found[:2] or (-math.inf, math.inf)))
 
+    def _show_factor(self) -> None:
+        put(self._deflection, value=self._store.deflection)
+
     def _refresh(self) -> None:
-        store, motion, view = self._store, self._store.motion, self._store.view
+        motion, view = self._store.motion, self._store.view
         self._layout.value = view.layout
-        if view.deflection is None:  # else the user may be moving the slider
-            self._deflection.value = store.deflection
         self._note.content = dim(
             f"Identified robot: {escape(motion.model_note)}" if motion.model_note else ""
         )

@@ -20,8 +20,9 @@ from flexviz.batch import FleetRow
 from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
 from flexviz.errors import InputError
 from flexviz.identification import Identification
+from flexviz.observers import EsoGains
 from flexviz.session import runs, standing
-from flexviz.wording import mean_nrms
+from flexviz.wording import stated_errors
 
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider
@@ -74,11 +75,13 @@ class PlotPanel:
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
         self._compared: object = None  # what the staircase shows
+        self._draft: EsoGains | None = None  # gains of the states that are drawn
         self._stale = False  # some iterations are not drawn yet
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         timed = selected | Changed.SPAN
         store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
         store.subscribe(timed | Changed.RESULT | Changed.DERIVED, self._draw_signals)
+        store.subscribe(Changed.LIVE, self._draw_live)
         store.subscribe(selected | Changed.ANALYSIS | Changed.DERIVED, self._draw_compare)
         fit = Changed.OPENED | Changed.FIT | Changed.RESULT | Changed.DERIVED
         store.subscribe(fit, self._iterated)
@@ -106,9 +109,21 @@ class PlotPanel:
     def _draw_states(self) -> None:
         store = self._store
         name, bandwidth, gains = store.analysis.used_tuning
+        self._draft = None if store.live is None else store.live.draft
+        if self._draft is not None:
+            bandwidth, gains = None, self._draft
         observer = view.observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
         self._states.show(view.states_charts(store.group, store.joint, observer, hold, now, store.span))
+
+    def _draw_live(self) -> None:
+        """Let the selected joint's residual, and with a draft of gains the states, follow the tuning."""
+        store = self._store
+        which = store.group, store.joint, store.joint_name
+        self._signals.update(view.signal_residual(*which, before_after(store), store.span))
+        self._signals.move(store.clock.time)
+        if self._draft != (None if store.live is None else store.live.draft):
+            self._draw_states()
 
     def _draw_signals(self) -> None:
         """Draw torque, residual and error of the selected joint and group."""
@@ -164,15 +179,13 @@ class PlotPanel:
         self._stale = False
         store, spread = self._store, self._store.measurements.torque_spread
         result, derived = store.analysis.identification, store.derived
-        iterations, ends, floor, final = store.fit.iterations, [], float("nan"), None
+        iterations, ends, final = store.fit.iterations, [], None
         if result is not None and result.iterations and not store.running:
             iterations, final = result.iterations, result
-            ends = [100 * mean_nrms(one.rms_validation or one.rms, spread) for one in derived.stage_errors]
-            if derived.errors is not None:
-                floor = 100 * mean_nrms(derived.errors.noise_floor, spread)
+            ends = [stated_errors(one, spread) for one in derived.stage_errors]
         elif not (iterations or store.running):
             final = result
-        self._convergence.show(view.convergence_charts(iterations, ends, floor, final))
+        self._convergence.show(view.convergence_charts(iterations, ends, final))
 
 
 class ResidualTab:
@@ -210,7 +223,7 @@ class ResidualTab:
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
             self._samples, self._of = view.ResidualSamples.of(result, joint), (result, joint)
         self._map.content = view.map_html(store.maps, store.measurements.joints, joint)
-        self._groups.content = view.groups_html(self._samples, name)
+        self._groups.content = view.groups_html(store.errors, joint, name, store.measurements.torque_spread)
         self._variable.visible = self._samples is not None
         residual = view.time_residual(before_after(store), joint, name, store.group.name, store.span)
         marked = self._marked()

@@ -22,7 +22,8 @@ def before_after(store: Store) -> BeforeAfter:
     if store.beside is not None:
         before, name = store.beside[1].result, model_names(store)[1]
     present = store.analysis.identification
-    return BeforeAfter(present, before, name, first_fit(store.session), store.view.zoomed)
+    live = None if store.live is None or store.live.group != store.group.name else store.live.found
+    return BeforeAfter(present, before, name, first_fit(store.session), store.view.zoomed, live)
 
 
 class ResidualAxis:

@@ -114,8 +114,11 @@ class RobotNodes:
                 self._payload[-1].append(label)
                 self._loads.append((self._shape.bodies[index].link, at, label))
 
-    def arcs(self, kind: str, shares: np.ndarray | None) -> None:
-        """Draw the arcs "torque" or "deflection" around the posed joints: shares (n,) of half a turn."""
+    def arcs(self, kind: str, shares: np.ndarray | None, known: np.ndarray | None = None) -> None:
+        """Draw the arcs "torque" or "deflection" around the posed joints: shares (n,) of half a turn.
+
+        Those that are not `known` (n,) are hatched; None: all are.
+        """
         if shares is None:
             for key in [key for key in self._arcs if key[0] == kind]:
                 self._arcs.pop(key).remove()
@@ -125,7 +128,8 @@ class RobotNodes:
             if axis is None:
                 continue
             radius = axis.radius if outer else DEFLECTION_ARC * axis.radius
-            points, key = arc_arrow(axis, float(shares[joint]), radius), (kind, joint)
+            whole = known is None or bool(known[joint])
+            points, key = arc_arrow(axis, float(shares[joint]), radius, whole), (kind, joint)
             if key not in self._arcs:
                 colour = rgb(COLOURS.torque if outer else COLOURS.deflection)
                 name = f"{self._moved[joint][1].name}/{kind}"
@@ -231,17 +235,21 @@ class Scene:
         self.measured.mark(self.measured.path(positions)[chosen[:-1] & chosen[1:]])
 
     def pose(
-        self, positions: Sequence[np.ndarray], arcs: tuple[np.ndarray | None, np.ndarray | None]
+        self,
+        positions: Sequence[np.ndarray],
+        arcs: tuple[np.ndarray | None, np.ndarray | None],
+        determined: np.ndarray | None = None,
     ) -> None:
         """Set all robots' joint positions (n,) [rad] and the measured one's arcs in one update.
 
-        `arcs`: torque and deflection as shares (n,) of half a turn; None for none.
+        `arcs`: torque and deflection as shares (n,) of half a turn; None for none. `determined`: whether each
+        joint's deflection is (n,); None: all are.
         """
         with self._server.atomic():
             for robot, q in zip(self.robots, positions, strict=True):
                 robot.pose(q)
-            for kind, shares in zip(("torque", "deflection"), arcs, strict=True):
-                self.measured.arcs(kind, shares)
+            for kind, shares, known in zip(("torque", "deflection"), arcs, (None, determined), strict=True):
+                self.measured.arcs(kind, shares, known)
 
     def shadows(self, on: bool) -> None:
         self._light.visible = on

@@ -12,10 +12,11 @@ from typing import Any, Literal
 import numpy as np
 
 from flexviz.diagnosis import PredictionErrors, ResidualMap
-from flexviz.identification import Identification
+from flexviz.identification import Identification, ObservedResidual
 from flexviz.jobs import Task
 from flexviz.laws import LawThroughData
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.observers import EsoGains
 from flexviz.progress import Iteration
 from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_motion, with_replay
 from flexviz.session import HISTORY, Session
@@ -66,7 +67,7 @@ class ViewSettings:
     """How the robots are drawn."""
 
     layout: str = LAYOUTS[0]
-    deflection: float | None = None  # its factor; None: chosen to suit the motion
+    deflection: float | None = None  # its factor; None until there is one to draw
     error: float = 1.0  # factor of simulated − measured
     link_side: bool = False  # compare link sides instead of motor sides
     arcs: bool = True  # draw torque and deflection around the joints
@@ -82,6 +83,15 @@ class Highlight:
 
     time: np.ndarray
     marked: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class LiveTuning:
+    """The residual of the identified model while the observer is tuned."""
+
+    group: str
+    found: ObservedResidual  # of a stretch of the group
+    draft: EsoGains | None  # gains that are not used yet; None: with the observer as set
 
 
 @dataclass(eq=False)
@@ -155,6 +165,7 @@ class Changed(Flag):
     STEP = auto()  # the step whose controls are shown
     VIEW = auto()  # how the robots are drawn
     HIGHLIGHT = auto()  # the highlighted instants
+    LIVE = auto()  # the residual with the observer that is being tuned
     ACTIVITY = auto()  # a task that the user waits for has started or ended
     PROGRESS = auto()  # the progress of that task
     MESSAGE = auto()  # the status line

@@ -23,6 +23,7 @@ from flexviz.app.state import (
     DerivedResults,
     FitProgress,
     Highlight,
+    LiveTuning,
     Message,
     Opened,
     Tone,
@@ -37,7 +38,7 @@ from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import BestSoFar, Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
-from flexviz.view import LinkColours, link_colours, offered_curve, progress_text, shown_errors
+from flexviz.view import offered_curve, progress_text, shown_errors
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
@@ -59,7 +60,6 @@ class Store(ChangeSignal):
         self._begin(opened)
 
     # -- what is open --------------------------------------------------------------------------------
-
     def open(self, opened: Opened) -> None:
         """Show a set or session."""
         self.tasks.stop(SetTask)
@@ -73,9 +73,11 @@ class Store(ChangeSignal):
         self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
+        self.live: LiveTuning | None = None
         self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
         self.kept = DerivedResults()
         self._span()
+        self._choose_factor()
 
     @property
     def measurements(self) -> MeasurementSet:
@@ -106,7 +108,6 @@ class Store(ChangeSignal):
         self.tell(Changed.SAVED | Changed.FOLDER)
 
     # -- the analysis --------------------------------------------------------------------------------
-
     def change(self, label: str, analysis: Analysis) -> None:
         """Set a new state of the analysis; changes with one label are one step until there is a pause."""
         before, self._changed = self._changed, time.monotonic()
@@ -133,6 +134,7 @@ class Store(ChangeSignal):
             change |= Changed.OBSERVER
         if after.identification is not before.identification:
             change |= Changed.RESULT
+            self._choose_factor()
         if after.diagnosis is not before.diagnosis or after.model_steps != before.model_steps:
             change |= Changed.DIAGNOSIS
         self.tell(change)
@@ -155,7 +157,6 @@ class Store(ChangeSignal):
         self.session = self.session.with_recording(file)
 
     # -- derived data --------------------------------------------------------------------------------
-
     @property
     def derived(self) -> Derived:
         """Derived data of the current result."""
@@ -178,10 +179,15 @@ class Store(ChangeSignal):
         derived = self.kept.keep(state.identification)
         return step, derived, derived.motion(self.measurements, self.group)
 
+    def _choose_factor(self) -> None:
+        """Choose the factor of the deflection as soon as there is one to draw; from then on it stays."""
+        if self.view.deflection is None and (factor := nice_factor(self.motion)) is not None:
+            self.view = replace(self.view, deflection=factor)
+
     @property
     def deflection(self) -> float:
         """Factor of the drawn deflection."""
-        return nice_factor(self.motion) if self.view.deflection is None else self.view.deflection
+        return 1.0 if self.view.deflection is None else self.view.deflection
 
     @property
     def maps(self) -> tuple[ResidualMap, ...]:
@@ -194,20 +200,12 @@ class Store(ChangeSignal):
         """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
         return shown_errors(self.analysis, self.derived.errors)
 
-    def link_colours(self, errors: PredictionErrors | DiagnosisStep | None) -> LinkColours | None:
-        """Colours of the links by a model's errors; their scale ends at the largest error of all models."""
-        known = (*self.kept, *self.analysis.model_steps)
-        earlier = [one.errors if isinstance(one, Derived) else one.step for one in known]
-        spread, group = self.measurements.torque_spread, self.group.name
-        return link_colours(errors, group, spread, [one for one in earlier if one is not None])
-
     @property
     def free_curve(self) -> FreeCurve | None:
         """The free curve that the diagnosis offers, if any."""
         return offered_curve(self.analysis.current_diagnosis)
 
     # -- what is shown -------------------------------------------------------------------------------
-
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
         if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
             self.joint = joint
@@ -245,6 +243,11 @@ class Store(ChangeSignal):
             self.highlight = highlight
             self.tell(Changed.HIGHLIGHT)
 
+    def set_live(self, live: LiveTuning | None) -> None:
+        """Show the residual with the tuning that is tried; None: as it was fitted."""
+        self.live = live
+        self.tell(Changed.LIVE)
+
     def set_check(self, sentence: str) -> None:
         """Set the sentence on what can be identified (HTML)."""
         if sentence != self.check:
@@ -262,7 +265,6 @@ class Store(ChangeSignal):
         self._alert(reason)
 
     # -- activity ------------------------------------------------------------------------------------
-
     def await_task(
         self,
         task: Task[Result],

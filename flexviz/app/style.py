@@ -73,7 +73,11 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-multiple div { display: flex; justify-content: space-between; gap: 0.4em; white-space: nowrap; }
 .fv-multiple span { overflow: hidden; text-overflow: ellipsis; }
 .fv-multiple svg { display: block; width: 100%; height: 36px; }
-.fv-poles { display: block; width: 100%; }
+.fv-poles { display: block; width: 100%; touch-action: none; }
+.fv-poles [data-pole] { cursor: grab; }
+.fv-bad { color: #C92A2A; } [data-mantine-color-scheme="dark"] .fv-bad { color: #FF8787; }
+.fv-tip { cursor: help; text-decoration: underline dotted; text-underline-offset: 2px; }
+.fv-status b { font-weight: 600; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .fv-fleet { max-height: 36vh; overflow-y: auto; margin-top: 0.3em; }

@@ -111,6 +111,12 @@ class ChartColumn:
                     with self.folder:
                         self._charts[key] = UplotChart(self._server, chart, place)
 
+    def update(self, chart: Chart) -> None:
+        """Draw one of the shown charts anew."""
+        if chart.series and chart.key in self._charts and chart.key in [one.key for one in self.shown]:
+            self.shown = tuple(chart if one.key == chart.key else one for one in self.shown)
+            self._charts[chart.key].show(chart, columns(chart))
+
     def move(self, time: float) -> None:
         """Move every playhead [s]."""
         with self._server.atomic():

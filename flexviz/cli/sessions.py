@@ -59,7 +59,7 @@ def lines(opened: OpenedSession) -> list[str]:
     identified = "not identified" if analysis.diagnosis is None else "parameters from the diagnosis"
     if analysis.identification is not None:
         errors = shown_errors(analysis, identified_errors(opened.measurements, analysis))
-        identified = error_text(analysis.identification, errors, earlier=not analysis.up_to_date)
+        identified = error_text(analysis.identification, errors, not analysis.up_to_date)
     out = [
         f"session {opened.folder}" + (f", saved {opened.saved}" if opened.saved else ""),
         f"measurement set {opened.measurements.path}: "

@@ -9,7 +9,7 @@ from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import Known, PredictionErrorBand
 from flexviz.equation import Layout
 from flexviz.progress import BestSoFar
-from flexviz.wording import MOST_NAMED, by_share, left_text, listed, mean_nrms, percent, text_names
+from flexviz.wording import MOST_NAMED, JointErrors, listed, stated_errors, text_names
 
 OWN_MODEL = "fitting the set's own model to the noise"
 USUAL = "fitting all usual effects on all joints"
@@ -30,8 +30,8 @@ class Standing:
     def __init__(self, own: Layout, band: PredictionErrorBand) -> None:
         self.own, self.band = own, band
         self._own_fit: Known | None = None
-        self._own_share: dict[bytes, float] = {}  # its error of the torque, by which samples count
-        self._best = np.inf  # its share of the torque
+        self._own_errors: dict[bytes, JointErrors] = {}  # its own, by which samples count
+        self._best = np.inf  # its error
 
     def news(self, fit: Fitted, first_phase: Phases | None = None) -> BestSoFar | None:
         """What is told of a fit, if it is better; `first_phase`, shape (n,): as in `PredictionErrorBand`."""
@@ -39,22 +39,20 @@ class Standing:
         if self._own_fit is not None and not added:
             return None
         errors, spread = self.band.errors(fit, first_phase), self.band.measurements.torque_spread
-        rms, share = errors.stated, mean_nrms(errors.stated, spread)
-        told = f"{errors.stated_name} error"
+        now, told = stated_errors(errors, spread), f"{errors.stated_name} error"
         if self._own_fit is None:
             self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
-            only = slice(j := by_share(rms, spread)[0], j + 1)
-            worst = left_text(self.own.joints[only], rms[only], spread[only], errors.noise_floor[only])
-            return BestSoFar("", f"{told} of the present model {percent(share)} of the torque; most: {worst}")
-        if share >= self._best:
+            worst = f"{self.own.joints[now.order[0]]} {now.text(now.order[0])}"
+            return BestSoFar("", f"{told} of the present model {now.whole()}; most: {worst}")
+        if now.mean >= self._best:
             return None
-        self._best = share
+        self._best = now.mean
         counted = b"" if first_phase is None else first_phase.tobytes()
-        if counted not in self._own_share:
-            own = self.band.errors(self._own_fit, first_phase).stated
-            self._own_share[counted] = mean_nrms(own, spread)
-        before = self._own_share[counted]
+        if counted not in self._own_errors:
+            own = self.band.errors(self._own_fit, first_phase)
+            self._own_errors[counted] = stated_errors(own, spread)
+        before = self._own_errors[counted]
         names = text_names([effect.text(self.own.joints) for effect in added], self.own.joints)
         more = len(names) - MOST_NAMED
         model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)
-        return BestSoFar(model, f"{told} {percent(before)} → {percent(share)} of the torque")
+        return BestSoFar(model, f"{told} {before.short()} → {now.text()}")

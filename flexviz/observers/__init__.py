@@ -6,6 +6,14 @@ from flexviz.errors import InputError
 from flexviz.observers.base import Observer, ObserverStates, largest_divisor
 from flexviz.observers.eso import CausalEso, EqualDelayEso
 from flexviz.observers.gains import EsoGains, binomial_gains, eso_poles, why_unusable
+from flexviz.observers.poles import (
+    LARGEST_MULTIPLIER,
+    LEAST_MULTIPLIER,
+    move_pole,
+    multiplied,
+    multipliers,
+    multipliers_of_poles,
+)
 from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, FlatZeroPhase
 
 OBSERVERS: dict[str, type[Observer]] = {
@@ -14,6 +22,8 @@ OBSERVERS: dict[str, type[Observer]] = {
 """Observer name, as commands call it -> class."""
 
 __all__ = [
+    "LARGEST_MULTIPLIER",
+    "LEAST_MULTIPLIER",
     "OBSERVERS",
     "ButterworthZeroPhase",
     "CausalEso",
@@ -27,6 +37,10 @@ __all__ = [
     "eso_poles",
     "largest_divisor",
     "make_observer",
+    "move_pole",
+    "multiplied",
+    "multipliers",
+    "multipliers_of_poles",
     "why_unusable",
 ]
 

@@ -167,22 +167,23 @@ def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
 def steps_parts(
     result: ResultFields, joints: Sequence[str], spread: Sequence[float], width: int
 ) -> list[Table | str]:
-    """Errors per joint after each added kind of effect: in per cent of the torque if known, else in Nm.
+    """Errors per joint after each added kind of effect, in the unit of `wording.JointErrors`.
 
     Where the table would be too wide, the models are numbered and their names precede it.
     """
     held_out = all(step.rms_validation for step in result.steps)
 
-    def error(step: StepEntry) -> Sequence[float]:
-        return step.rms_validation if held_out and step.rms_validation else step.rms
+    def error(step: StepEntry) -> wording.JointErrors:
+        rms = step.rms_validation if held_out and step.rms_validation else step.rms
+        return wording.JointErrors(rms, step.noise_floor, spread)
 
     def cells(values: Sequence[float]) -> list[str]:
         return [wording.number(value, 2 if narrow else 3) for value in values]
 
     first, last = result.steps[0], result.steps[-1]
     names = wording.short_names(tuple(joints)) if len(joints) == len(first.rms) else [""] * len(first.rms)
-    mean = ["mean"] if spread and len(names) > 1 else []
-    unit = "% of the torque" if spread else "Nm"
+    unit = error(last).unit
+    mean = ["mean"] if unit != "Nm" and len(names) > 1 else []
     title = f"error of the {'held-out' if held_out else 'fitted'} groups [{unit}]"
     steps = list(named_steps(result.steps, joints))
     narrow = width < LABEL_WIDTH + COLUMN_WIDTH * (len(names) + len(mean)) + len("nothing-missing")
@@ -191,17 +192,17 @@ def steps_parts(
     )
     table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
     for k, (name, step) in enumerate(steps):
-        share = [100 * value for value in wording.normalised(error(step), spread)] if spread else error(step)
-        average = [100 * wording.mean_nrms(error(step), spread)] if mean else []
-        table.add_row(
-            str(k) if narrow else name, *cells([*share, *average]), *([] if narrow else [step.verdict])
-        )
+        shown = [*error(step).values, *([error(step).mean] if mean else [])]
+        table.add_row(str(k) if narrow else name, *cells(shown), *([] if narrow else [step.verdict]))
     table.add_section()
     if spread:
-        texts = [wording.explained(share).strip("> %") for share in wording.normalised(error(last), spread)]
+        texts = [wording.explained(share / 100).strip("> %") for share in error(last).shares]
         model = "last" if len(result.steps) > 1 else "present"
+        if unit != wording.PERCENT:
+            label = "error %" if narrow else f"error of the {model} model [{wording.PERCENT}]"
+            table.add_row(label, *cells(error(last).shares))
         table.add_row("explained" if narrow else f"torque explained by the {model} model [%]", *texts)
-        table.add_row("error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last)))
+        table.add_row("error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last).rms))
     if last.noise_floor:
         table.add_row("noise Nm" if narrow else "noise floor [Nm]", *cells(last.noise_floor))
     if not narrow:

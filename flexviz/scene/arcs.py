@@ -76,8 +76,11 @@ def _radius(shape: RobotShape, poses: dict[str, Array], joint: int, link: str, a
     return float(np.clip(CLEARANCE * thick, LEAST_RADIUS * shape.reach, LARGEST_RADIUS * shape.reach))
 
 
-def arc_arrow(axis: JointAxis, share: float, radius: float) -> NDArray[np.float32]:
-    """Line segments (ARC_PIECES + 2, 2, 3) [m] of an arrow over `share` (−1 … 1) of half a turn."""
+def arc_arrow(axis: JointAxis, share: float, radius: float, whole: bool = True) -> NDArray[np.float32]:
+    """Line segments (ARC_PIECES + 2, 2, 3) [m] of an arrow over `share` (−1 … 1) of half a turn.
+
+    Of one that is not `whole` every second segment has no length.
+    """
     share = min(max(share, -1.0), 1.0)
     unit = np.cos(share * TURN)[:, None] * axis.across + np.sin(share * TURN)[:, None] * axis.along
     direction = unit[-1] - unit[-2]
@@ -86,6 +89,8 @@ def arc_arrow(axis: JointAxis, share: float, radius: float) -> NDArray[np.float3
     barbs = unit[-1] - head * (direction / size if size > 0 else 0.0) + 0.6 * head * SIDES * unit[-1]
     segments = np.empty((ARC_PIECES + 2, 2, 3), np.float32)
     segments[:-2, 0], segments[:-2, 1] = radius * unit[:-1], radius * unit[1:]
+    if not whole:
+        segments[1:-2:2, 1] = segments[1:-2:2, 0]
     segments[-2:, 0], segments[-2:, 1] = radius * unit[-1], radius * barbs
     return segments
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.scene.arcs import round_up
 
@@ -33,6 +34,8 @@ class RobotMotion:
     model_note: str = ""  # how the model was simulated, for the label
     link: Array | None = None  # (M, n) link positions q of link encoders [rad]
     torque: Array | None = None  # (M, n) measured [Nm]
+    determined: Bools | None = None  # (n,) whether the deflection of a joint is; None: of every joint
+    model_determined: Bools | None = None  # the same of the model: whether its stiffness is
 
     def at(self, values: Array, time: float) -> Array:
         """values (M, n) linearly interpolated at one instant [s]: (n,)."""
@@ -49,8 +52,8 @@ class RobotMotion:
     ) -> tuple[Array, Array]:
         """Joint positions (n,) of the measured and the identified robot at one instant [rad].
 
-        `deflection` scales θ − q, `error` scales simulated − measured θ. With `link_side`, measured and
-        simulated q are compared, if q is measured.
+        `deflection` scales θ − q, where that is determined, `error` scales simulated − measured θ. With
+        `link_side`, measured and simulated q are compared, if q is measured.
         """
         if link_side and self.link is not None:
             measured = self.at(self.link, time)
@@ -61,12 +64,13 @@ class RobotMotion:
         measured = self.at(self.theta, time)
         drawn = measured
         if self.deflection is not None:
-            drawn = measured - deflection * self.at(self.deflection, time)
+            drawn = measured - deflection * _known(self.at(self.deflection, time), self.determined)
         if self.model_theta is None:
             return drawn, measured
         model = measured + error * (self.at(self.model_theta, time) - measured)
         if self.model_deflection is not None:
-            model = model - deflection * self.at(self.model_deflection, time)
+            own = _known(self.at(self.model_deflection, time), self.model_determined)
+            model = model - deflection * own
         return drawn, model
 
     @cached_property
@@ -116,6 +120,8 @@ def scene_labels(
         measured = f"{first}\ndeflection unknown before Run"
     else:
         measured = f"{first}\ndeflection ×{deflection:g} ({motion.deflection_source})"
+        if motion.determined is not None and not motion.determined.any():
+            measured = f"{first}\ndeflection not drawn: K is not determined"
     if motion.model_theta is None:
         return measured, f"{why}:\nshows the measured motor angle"
     return measured, f"{name}, error ×{error:g}\ndeflection ×{deflection:g} (simulated)"
@@ -134,7 +140,19 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     else:
         link = None
         deflection, source = _deflection(measurements, group, result, time)
-    return RobotMotion(group.name, time, theta, deflection, source, link=link, torque=torque)
+    known = stiffness_known(measurements.joints, result)
+    determined = known if link is None and deflection is not None else None
+    return RobotMotion(
+        group.name, time, theta, deflection, source, link=link, torque=torque, determined=determined,
+        model_determined=known,
+    )  # fmt: skip
+
+
+def stiffness_known(joints: Sequence[str], result: Identification | None) -> Bools:
+    """Whether the data determine the stiffness of each joint, at least weakly and within its bounds, (n,)."""
+    found = () if result is None else (p for p in result.parameters if p.name == "stiffness")
+    known = {p.joint for p in found if p.identifiable != "no" and not p.at_bound}
+    return np.array([joint in known for joint in joints])
 
 
 def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
@@ -147,14 +165,22 @@ def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
     )
 
 
-def nice_factor(motion: RobotMotion, target: float = 0.25) -> int:
-    """The largest round factor that scales the deflection to at most `target` [rad]."""
+def nice_factor(motion: RobotMotion, target: float = 0.25) -> int | None:
+    """The largest round factor that scales the drawn deflections to at most `target` [rad]; or None."""
     if motion.deflection is None:
-        return 1
-    largest = float(np.quantile(np.abs(motion.deflection), 0.98))
+        return None
+    shown = motion.deflection if motion.determined is None else motion.deflection[:, motion.determined]
+    if not shown.size:
+        return None
+    largest = float(np.quantile(np.abs(shown), 0.98))
     if largest <= 0:
         return 1
     return max((factor for factor in ROUND_FACTORS if factor * largest <= target), default=1)
+
+
+def _known(deflection: Array, determined: Bools | None) -> Array:
+    """Deflections (n,) [rad], 0 where they are not determined."""
+    return deflection if determined is None else np.where(determined, deflection, 0.0)
 
 
 def _columns(time: Array, from_time: Array, values: Array) -> Array:

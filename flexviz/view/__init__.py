@@ -28,6 +28,7 @@ from flexviz.view.fit_charts import (
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
 from flexviz.view.law_charts import law_chart, law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
+from flexviz.view.poles import pole_at, poles_html
 from flexviz.view.residual_time import BEFORE, BeforeAfter, time_residual
 from flexviz.view.residuals import (
     MAP_COLUMNS,
@@ -60,6 +61,7 @@ from flexviz.view.status import (
     error_text,
     next_step,
     shown_errors,
+    stated_error,
     status_html,
     step_line_html,
     steps_done,
@@ -76,8 +78,9 @@ from flexviz.view.time_charts import (
     evidence_chart,
     numbers_html,
     observer_for,
+    signal_residual,
     signals_charts,
     states_charts,
     stretch,
 )
-from flexviz.view.tuning import Cost, poles_html, residuals_html, trade_chart
+from flexviz.view.tuning import Cost, residuals_html, trade_chart

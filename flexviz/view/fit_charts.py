@@ -23,7 +23,7 @@ from flexviz.charts import (
 from flexviz.identification import Identification, SweepResult
 from flexviz.progress import Iteration
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import SYMBOLS, escape, number
+from flexviz.wording import SYMBOLS, JointErrors, escape, number
 
 MAX_PARAMETERS = 14  # drawn
 COST_SLACK = 1e-3  # relative rise of the cost that rounding and damping may cause within a stage
@@ -62,15 +62,13 @@ def falling_cost(iterations: Sequence[Iteration]) -> Array:
 
 def convergence_charts(
     iterations: Sequence[Iteration],
-    ends: Sequence[float] = (),
-    floor: float = float("nan"),
+    ends: Sequence[JointErrors] = (),
     result: Identification | None = None,
 ) -> tuple[Chart, ...]:
     """Error at the end of each stage, relative cost, parameters relative to their present values.
 
-    `ends` are the errors at the start and at the end of each stage, `floor` is the noise floor [% of the
-    torque]; `result` is what the iterations led to, with the intervals of its parameters, or a result without
-    iterations.
+    `ends` are the errors at the start and at the end of each stage; `result` is what the iterations led to,
+    with the intervals of its parameters, or a result without iterations.
     """
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
@@ -92,23 +90,20 @@ def convergence_charts(
     )
     error = no_chart("error")
     if len(ends) == 1 + len(found):
-        held = np.concatenate(
-            [np.full(last - first + 1, end) for (_, first, last), end in zip(found, ends[1:], strict=True)]
-        )
+        spans = zip(found, ends[1:], strict=True)
+        held = np.concatenate([np.full(last - first + 1, end.mean) for (_, first, last), end in spans])
         held = np.resize(held, count)
-        held[0] = ends[0]
+        held[0] = ends[0].mean
         lines = [ChartSeries("error", COLOURS.residual, x, held, 2.6, steps=True)]
-        if np.isfinite(floor):
-            lines.append(
-                ChartSeries(
-                    "noise floor", COLOURS.reference, x, np.full(count, floor), 1.6, DASHES[2], steps=True
-                )
-            )
+        noise = JointErrors(ends[-1].floor, ends[-1].floor, ends[-1].spread)
+        if noise.floor:
+            low, look = np.full(count, noise.mean), (1.6, DASHES[2])
+            lines.append(ChartSeries("noise floor", COLOURS.reference, x, low, *look, steps=True))
         error = replace(
             cost,
             key="error",
             title="Error at the start and after each stage",
-            y=ChartAxis(unit="% of the torque", logarithmic=True),
+            y=ChartAxis(unit=ends[0].unit, logarithmic=True),
             series=tuple(lines),
         )
     parameters = Chart(

@@ -1,73 +1,58 @@
-"""Legend of the scene, and the colours of the links: the error beyond the noise floor."""
+"""Legend of the scene, and the colours of the links: the errors that the status line sums up."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-import numpy as np
+from types import MappingProxyType
 
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, cividis, css, gradient
-from flexviz.diagnosis import PredictionErrors
+from flexviz.diagnosis import BAND_HERTZ, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.scene import RobotMotion
-from flexviz.wording import escape, number, short_names
+from flexviz.wording import TIMES, JointErrors, escape, number, short_names, stated_errors
 
 Errors = PredictionErrors | DiagnosisStep
 LEAST_END = 5.0  # times the noise floor: errors below are never drawn bright
+NOT_DETERMINED = "hatched: the data do not determine this joint's stiffness, so its deflection is not drawn"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class LinkColours:
-    """Errors of the joints in a group, as shares of their torque, and their scale.
+    """Errors of the joints with one model, and the end of the scale of their colours, in their unit."""
 
-    Attributes:
-        rms: shape (n,) [Nm].
-        share: shape (n,), rms ÷ spread of the torque; NaN where the torque is constant.
-        beyond: shape (n,), what the share has more than the noise floor.
-        end: of the scale, which starts at the noise floor.
-    """
-
-    rms: Array
-    share: Array
-    beyond: Array
+    errors: JointErrors
     end: float
 
     @property
     def colours(self) -> list[tuple[int, int, int]]:
         """cividis: dark at the noise floor, bright at the end; grey if unknown."""
-        return [cividis(float(value) / self.end) for value in self.beyond]
+        unit, end = self.errors.unit, _beyond(self.end, self.errors.unit)
+        return [cividis(_beyond(value, unit) / end) for value in self.errors.values]
 
 
 def link_colours(
-    errors: Errors | None, group: str, spread: Sequence[float], earlier: Sequence[Errors] = ()
+    errors: Errors | None, spread: Sequence[float], earlier: Sequence[Errors] = ()
 ) -> LinkColours | None:
-    """Colours in a group; None if unknown. The scale ends at the largest error of all models."""
-    rms = None if errors is None else _rms(errors, group)
-    if errors is None or rms is None:
+    """Colours by the stated errors; None if unknown. The scale ends at the largest error of all models."""
+    if errors is None:
         return None
-    width = np.where(np.asarray(spread, float) > 0, spread, np.nan)
-    floor = np.asarray(errors.noise_floor or np.zeros(len(rms)), float)
-    ends = [_beyond(one, group) / width for one in (errors, *earlier) if _rms(one, group) is not None]
-    ends.append(LEAST_END * floor / width)
-    end = float(np.nanmax(np.array(ends), initial=0.0))
-    return LinkColours(rms, rms / width, _beyond(errors, group) / width, end or 1.0)
+    shown = stated_errors(errors, spread)
+    every = [shown, *(stated_errors(one, spread) for one in earlier)]
+    ends = [value for one in every if one.unit == shown.unit for value in one.values if math.isfinite(value)]
+    least = LEAST_END if shown.unit == TIMES else 0.0
+    return LinkColours(shown, max(*ends, least, 0.0) or 1.0)
 
 
-def _rms(errors: Errors, group: str) -> Array | None:
-    return next((np.asarray(rms, float) for name, rms, _ in errors.groups if name == group), None)
-
-
-def _beyond(errors: Errors, group: str) -> Array:
-    """What the error has more than the noise floor, (n,) [Nm]."""
-    rms = np.asarray(_rms(errors, group), float)
-    return np.sqrt(np.maximum(rms**2 - np.asarray(errors.noise_floor or 0.0) ** 2, 0.0))
+def _beyond(value: float, unit: str) -> float:
+    """What an error has more than the noise floor, which is 1 in its multiples."""
+    return math.sqrt(max(value**2 - 1.0, 0.0)) if unit == TIMES and math.isfinite(value) else value
 
 
 def legend_html(
     found: LinkColours | None,
-    group: str,
     names: Sequence[str] = ("identified",),
     arcs: bool = True,
 ) -> str:
@@ -79,12 +64,11 @@ def legend_html(
     if found is None:
         rows.append('<span class="fv-dim">Links are coloured by their error after Run.</span>')
     else:
-        meant = (
-            f"""<span title="in per cent of each joint's torque">Link: error in {escape(group)} [%]</span>"""
-        )
+        first = "1" if found.errors.unit == TIMES else "0"
+        tip = f"rms below {BAND_HERTZ:g} Hz, of the validation groups if there are any: as in the status line"
         rows.append(
-            f"{meant}, noise "
-            f'<span class="fv-map" style="background:{gradient()}"></span> {number(100 * found.end, 2)}'
+            f'<span class="fv-tip" title="{tip}">Link: error [{found.errors.unit}]</span> {first} '
+            f'<span class="fv-map" style="background:{gradient()}"></span> {number(found.end, 3)}'
         )
     if arcs:
         ends = '<span class="fv-dim">(half a turn: value after /)</span>'
@@ -101,47 +85,63 @@ def _arc(colour: str) -> str:
 
 
 def joints_html(
-    joints: tuple[str, ...], found: LinkColours | None, motion: RobotMotion, time: float, chosen: int = -1
+    joints: tuple[str, ...],
+    found: LinkColours | None,
+    motion: RobotMotion,
+    time: float,
+    chosen: int = -1,
+    missing: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs."""
+    """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs.
+
+    `missing`: what the verdict says is missing on a joint.
+    """
     torque, deflection = motion.loads(time)
     torque_end, deflection_end = motion.half_turns
     colours = [COLOURS.body] * len(joints) if found is None else found.colours
     rows = []
     for index, (name, full) in enumerate(zip(short_names(joints), joints, strict=True)):
-        error = "–" if found is None else _percent(found, index)
-        tip = "" if found is None else f' title="{number(float(found.rms[index]), 3)} Nm"'
+        error = "–" if found is None else number(found.errors.values[index], 3)
+        tip = "" if found is None else f' title="{found.errors.hover(index)}"'
+        hatched = motion.determined is not None and not motion.determined[index]
         cells = [
-            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}</td>',
+            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}'
+            f"{_mark(missing.get(full))}</td>",
             f"<td{tip}>{error}</td>",
             _load(torque, torque_end, index, 1.0),
-            _load(deflection, deflection_end, index, 1e3),
+            _load(deflection, deflection_end, index, 1e3, hatched),
         ]
         look = "fv-joint fv-chosen" if index == chosen else "fv-joint"
         node, texts = full.replace("/", "_"), [escape(full)]
         if torque is not None:
             texts.append(f"torque {number(float(torque[index]), 3)} Nm")
-        if deflection is not None:
+        if hatched:
+            texts.append("deflection not determined")
+        elif deflection is not None:
             texts.append(f"deflection {number(1e3 * float(deflection[index]), 3)} mrad")
+        if full in missing:
+            texts.append(f"missing: {escape(missing[full])}")
         if found is not None:
-            texts.append(f"error {error}" if error.endswith("Nm") else f"error {error} %")
+            texts.append(f"error {found.errors.whole(index)}")
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
         rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
-    head = "<th>joint</th><th>error [%]</th><th>τ [Nm]</th><th>θ − q [mrad]</th>"
+    unit = "error" if found is None else f"error [{found.errors.unit.removesuffix(' floor')}]"
+    head = f"<th>joint</th><th>{unit}</th><th>τ [Nm]</th><th>θ − q [mrad]</th>"
     table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'
     return f'<div class="fv">{table}</div>'
 
 
-def _load(values: Array | None, ends: Array | None, joint: int, factor: float) -> str:
+def _mark(missing: str | None) -> str:
+    return f' <span class="fv-rises" title="missing: {escape(missing)}">◂</span>' if missing else ""
+
+
+def _load(values: Array | None, ends: Array | None, joint: int, factor: float, hatched: bool = False) -> str:
     """A value with as many decimals as the end of its arc needs, and that end."""
     if values is None or ends is None:
         return "<td>–</td>"
+    if hatched:
+        return f'<td class="fv-hatched" title="{NOT_DETERMINED}">–</td>'
     end = factor * float(ends[joint])
-    decimals = min(max(1 - int(np.floor(np.log10(end))), 0), 4)
+    decimals = min(max(1 - math.floor(math.log10(end)), 0), 4)
     value = f"{factor * float(values[joint]):z.{decimals}f}".replace("-", "−")
     return f'<td>{value} <span class="fv-dim">/ {number(end, 1)}</span></td>'
-
-
-def _percent(found: LinkColours, index: int) -> str:
-    share = float(found.share[index])
-    return f"{number(100 * share, 2)}" if np.isfinite(share) else f"{number(float(found.rms[index]), 2)} Nm"

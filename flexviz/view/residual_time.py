@@ -8,13 +8,13 @@ import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, finite, no_chart, thin
-from flexviz.identification import Identification
+from flexviz.identification import Identification, ObservedResidual
 from flexviz.statistics import NORMAL_95
 from flexviz.view.residuals import EMPTY, HEIGHT, left_out
 
 MARGIN = 1.05  # times the largest residual: end of the axis
 UNIT = "Nm"  # of every residual over time, however small
-BEFORE = "before"
+BEFORE, FITTED, TUNED = "before", "as identified", "with this observer"  # of the lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,7 @@ class BeforeAfter:
         name: what `before` is called.
         first: the first fit of the session, whose residual sets the axis.
         zoomed: whether the present residual is drawn alone, on an axis that suits it.
+        live: the present model's residual with the observer that is being tuned; the fit itself is then grey.
     """
 
     present: Identification | None
@@ -34,6 +35,21 @@ class BeforeAfter:
     name: str = BEFORE
     first: Identification | None = None
     zoomed: bool = False
+    live: ObservedResidual | None = None
+
+    def drawn(self, group: str, joint: int) -> tuple[Array, Array] | None:
+        """Time (M,) [s] and residual (M,) [Nm] in colour; None without one."""
+        if self.live is not None:
+            return self.live.time, finite(self.live.residual[:, joint])
+        return over_time(self.present, group, joint)
+
+    def grey(self, group: str, joint: int) -> tuple[str, tuple[Array, Array] | None]:
+        """Name of the residual behind it, time (M,) [s] and residual (M,) [Nm]; None without one."""
+        if self.live is not None:
+            return FITTED, over_time(self.present, group, joint)
+        # zoomed, a larger residual would be vertical strokes
+        alone = self.zoomed or self.before is self.present
+        return self.name, None if alone else over_time(self.before, group, joint)
 
     def largest(self, group: str, joint: int) -> float:
         """What the axis of a group has to hold [Nm]: the first residual, and any that is larger.
@@ -66,22 +82,21 @@ def residual_chart(
     `floor` is the rms [Nm] that measurement noise alone would leave, drawn as a band of 95 %. The residual
     before is interpolated to the instants of the present one and held where its observer had no result yet.
     """
-    present = over_time(fits.present, group, joint)
-    if present is None:
+    drawn = fits.drawn(group, joint)
+    if drawn is None or len(drawn[0]) < 2:
         return None
-    time, values = present
+    time, values = drawn
     whole = time[0], time[-1]
     if span is not None and np.count_nonzero(inside := (time >= span[0]) & (time <= span[1])) > 1:
         time, values = time[inside], values[inside]
-    alone = fits.zoomed or fits.before is fits.present  # zoomed, a larger residual would be vertical strokes
-    before = None if alone else over_time(fits.before, group, joint)
-    x, (drawn, *grey) = thin(time, [values] if before is None else [values, np.interp(time, *before)])
-    lines = [ChartSeries(fits.name, COLOURS.reference, x, other, 1.0) for other in grey]
-    lines.append(ChartSeries("residual", COLOURS.residual, x, drawn, 1.4))
+    name, before = fits.grey(group, joint)
+    x, (line, *grey) = thin(time, [values] if before is None else [values, np.interp(time, *before)])
+    lines = [ChartSeries(name, COLOURS.reference, x, other, 1.0) for other in grey]
+    lines.append(ChartSeries("residual" if fits.live is None else TUNED, COLOURS.residual, x, line, 1.4))
     half = np.full(len(x), NORMAL_95 * floor)
     band = (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),) if np.isfinite(floor) else ()
     noise = float(half[0]) if band else 0.0
-    end = MARGIN * max(fits.largest(group, joint), float(np.abs(drawn).max()), noise)
+    end = MARGIN * max(fits.largest(group, joint), float(np.abs(line).max()), noise)
     axis = ChartAxis(unit=UNIT, limits=(-end, end) if end > 0 else None)
     chart = Chart("residual", title, y=axis, series=tuple(lines), ribbons=band, playhead=True)
     return chart.spans(*(span or whole))

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from flexviz.arrays import Array, Bools
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb
-from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, ResidualMap
+from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN, PredictionErrors, ResidualMap, Step
 from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import escape, number, short_names
+from flexviz.wording import JointErrors, escape, number, short_names, stated_errors
 
 MAP_COLUMNS = {
     "position": "pos.",
@@ -254,18 +254,16 @@ def range_html(variable: str, low: float, high: float, inside: Bools) -> str:
     )
 
 
-def groups_html(found: ResidualSamples | None, name: str) -> str:
-    """The rms of the residual in every group."""
-    if found is None:
+def groups_html(
+    errors: PredictionErrors | Step | None, joint: int, name: str, spread: Sequence[float] = ()
+) -> str:
+    """The error of a joint in every group."""
+    if errors is None or not errors.groups:
         return ""
     cells = []
-    for index, group in enumerate(found.names[:MAX_GROUPS]):
-        part = found.residual[found.group == index]
-        rms = number(float(np.sqrt(np.mean(part**2))), 3)
-        cells.append(f'<span class="fv-joint">{escape(group)} <b>{rms}</b></span>')
-    floor = f" Noise floor {number(found.floor, 2)}." if np.isfinite(found.floor) else ""
-    return (
-        f'<div class="fv">Rms residual of {escape(name)} [Nm]: {", ".join(cells)}.{floor}'
-        '<div class="fv-dim">In the band of the observer; the error of the status line and of Compare '
-        f"is the one below {BAND_HERTZ:g} Hz.</div></div>"
-    )
+    for group, rms, _ in errors.groups[:MAX_GROUPS]:
+        one = JointErrors(rms, errors.noise_floor, spread)
+        tip = f'class="fv-joint fv-tip" title="{one.hover(joint)}"'
+        cells.append(f"<span {tip}>{escape(group)} <b>{number(one.of(joint), 3)}</b></span>")
+    unit = stated_errors(errors, spread).unit
+    return f'<div class="fv">Error of {escape(name)} [{unit}]: {", ".join(cells)}.</div>'

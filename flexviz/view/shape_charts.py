@@ -17,7 +17,6 @@ PHASE_POINTS = 500  # per line
 LONGEST_WINDOW = 8.0  # [s] of a spectrum
 HIGHEST_DRAWN = 40.0  # [Hz]; the observers' bands end far below
 LEAST_DENSITY = 1e-6  # of the largest, drawn on a logarithmic axis
-SMALLEST_TICK = 1e-3  # that an axis on the page can write
 HEIGHT = 230  # [px]
 
 
@@ -66,9 +65,6 @@ def _spectra(name: str, lines: list[Line]) -> Chart:
         top = max(top, float(density.max(initial=0.0)))
         density = np.maximum(density, LEAST_DENSITY * top or LEAST_DENSITY)
         series.append(ChartSeries(label, colour, hertz, density))
-    small = min(float(one.y.min(initial=np.inf)) for one in series) < SMALLEST_TICK
-    if small:
-        series = [replace(one, y=1e3 * one.y) for one in series]
-    unit = "mNm/√Hz" if small else "Nm/√Hz"
-    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", unit, logarithmic=True)
+    series = [replace(one, y=1e3 * one.y) for one in series]  # the same unit for every model
+    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", "mNm/√Hz", logarithmic=True)
     return Chart("spectrum", f"Spectrum of the torque, {name}", x, y, tuple(series), height=HEIGHT)

@@ -45,23 +45,16 @@ class StaircaseRun:
     shown: bool
 
 
-def one_error(row: Sequence[float], joint: int | None, spread: Sequence[float]) -> float:
-    """Error of one joint, or over all (None): in per cent of the torque, or in Nm without its spread."""
-    if joint is not None:
-        return 100 * wording.normalised(row, spread)[joint] if spread else float(row[joint])
-    return 100 * wording.mean_nrms(row, spread) if spread else wording.total_rms(row)
-
-
 def step_errors(
     steps: Sequence[Step], joint: int | None, spread: Sequence[float] = ()
 ) -> dict[str, tuple[list[float], bool]]:
     """Name -> (error at each step, held out?) of every group; fit and validation if groups are unknown.
 
-    Of one joint or over all (None); in per cent of the torque, or in Nm without its spread.
+    Of one joint or over all (None), in the unit of `wording.JointErrors`.
     """
 
-    def value(row: Sequence[float]) -> float:
-        return one_error(row, joint, spread)
+    def value(step: Step, row: Sequence[float]) -> float:
+        return wording.JointErrors(row, step.noise_floor, spread).of(joint)
 
     if all(step.groups for step in steps):
         names = [(name, held_out) for name, _, held_out in steps[-1].groups]
@@ -69,11 +62,12 @@ def step_errors(
         for name, held_out in names[:MAX_GROUPS]:
             rows = [next((row for other, row, _ in step.groups if other == name), None) for step in steps]
             if all(row is not None for row in rows):
-                found[name] = [value(row) for row in rows if row is not None], held_out
+                pairs = zip(steps, rows, strict=True)
+                found[name] = [value(step, row) for step, row in pairs if row is not None], held_out
         return found
-    found = {"fit": ([value(step.rms) for step in steps], False)}
+    found = {"fit": ([value(step, step.rms) for step in steps], False)}
     if all(step.rms_validation is not None for step in steps):
-        found[HELD_OUT] = [value(step.rms_validation or ()) for step in steps], True
+        found[HELD_OUT] = [value(step, step.rms_validation or ()) for step in steps], True
     return found
 
 
@@ -104,7 +98,7 @@ def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[
 def model_name(
     model_steps: Sequence[ModelStep], joints: Sequence[str], index: int, spread: Sequence[float] = ()
 ) -> str:
-    """ "model 1 (0.12 %)": its number in the staircase, and its error over all joints, held out if known."""
+    """ "model 1 (1.02 ×)": its number in the staircase, and its error over all joints, held out if known."""
     ends = [last for _, _, last in model_runs(model_steps, joints)]
     found = next((count for count, last in enumerate(ends) if last >= index), index)
     return name_with_error(f"model {found}", model_steps[index].step, spread)
@@ -114,8 +108,7 @@ def name_with_error(name: str, errors: Step | PredictionErrors | None, spread: S
     """A name with the error over all joints, held out if known, as far as there are `errors`."""
     if errors is None:
         return name
-    error = one_error(_judged(errors)[-1], None, spread)
-    return f"{name} ({wording.number(error, 2)} {'%' if spread else 'Nm'})"
+    return f"{name} ({wording.stated_errors(errors, spread).short()})"
 
 
 def staircase_chart(
@@ -128,12 +121,13 @@ def staircase_chart(
 ) -> Chart:
     """The error after each added effect, of one joint or over all (None); `ticks` name the steps.
 
-    In per cent of the torque, whose `spread` has shape (n,) [Nm]; without it in Nm. Steps that add a free
-    curve are hatched: `hatched`, by default those whose step says so.
+    In the unit of `wording.JointErrors`; `spread` of the torque, shape (n,) [Nm]. Steps that add a free curve
+    are hatched: `hatched`, by default those whose step says so.
     """
     if hatched is None:
         hatched = [k for k, step in enumerate(steps) if step.added is not None and step.added.stopgap]
-    x, unit = np.arange(float(len(steps))), "% of the torque" if spread else "Nm"
+    floors = [_floor(step, spread) for step in steps]
+    x, unit = np.arange(float(len(steps))), floors[-1].unit
     errors = step_errors(steps, joint, spread)
     bright = COLOURS.series[:6]
     series = [
@@ -149,9 +143,8 @@ def staircase_chart(
         )
         for k, (group, (values, held_out)) in enumerate(errors.items())
     ]
-    floors = [step.noise_floor for step in steps]
-    if all(len(floor) for floor in floors):
-        low = [one_error(floor, joint, spread) for floor in floors]
+    if all(step.noise_floor for step in steps):
+        low = [floor.of(joint) for floor in floors]
         if np.isfinite(low).all():
             floor = np.maximum(low, ERROR_FLOOR)
             series.append(ChartSeries("noise floor", COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
@@ -216,7 +209,7 @@ def staircase_html(
     if not (model_steps or runs):
         return ""
     judged = [one.step for one in model_steps] + [run.errors for run in runs]
-    top = max(one_error(row, None, spread) for step in judged for row in _judged(step))
+    top = max(one.mean for step in judged for one in _judged(step, spread))
     table = _Rows(spread, top)
     table.add_runs([run for run in runs if run.after < 0])
     placed = 0  # models whose runs are in the table
@@ -239,14 +232,13 @@ def staircase_html(
     rows = table.rows
     last_step = next((run.errors for run in runs if run.shown), judged[len(model_steps) - 1])
     if last_step.noise_floor:
-        floor = _error_cell(last_step.noise_floor, spread)
+        floor = _error_cell(_floor(last_step, spread))
         rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
-    unit = "% of the torque" if spread else "Nm"
-    error = last_step.rms_validation or last_step.rms
-    left = f"Largest: {wording.left_text(joints, error, spread, last_step.noise_floor)}. " if spread else ""
+    stated = wording.stated_errors(last_step, spread)
+    left = f"Largest: {wording.left_text(joints, stated)}. " if spread else ""
     return (
-        f'<div class="fv"><table class="fv-table"><tr><th>Error [{unit}]</th><th>fit</th><th>validation</th>'
-        f'</tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{wording.escape(left)}'
+        f'<div class="fv"><table class="fv-table"><tr><th>Error [{stated.unit}]</th><th>fit</th>'
+        f'<th>validation</th></tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{wording.escape(left)}'
         f"{COMPARED_IN}.</div></div>"
     )
 
@@ -259,10 +251,11 @@ class _Rows:
         self.rows: list[str] = []
 
     def add(self, label: str, step: Step | PredictionErrors, hatched: bool = False) -> None:
-        error = one_error(_judged(step)[-1], None, self._spread)
+        found = _judged(step, self._spread)
+        error = found[-1].mean
         rises, self._before = error > RISE * self._before, error
         mark = ' <span class="fv-rises">▲ rises</span>' if rises else ""
-        cells = "".join(_error_cell(row, self._spread) for row in (step.rms, step.rms_validation))
+        cells = "".join(_error_cell(one) for one in (*found, None)[:2])
         bars = _bars(step, self._spread, self._top, hatched)
         self.rows += [f"<tr><td>{label}{mark}</td>{cells}</tr>", f'<tr><td colspan="3">{bars}</td></tr>']
 
@@ -286,28 +279,33 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
     )
 
 
-def _judged(step: Step | PredictionErrors) -> list[Sequence[float]]:
+def _judged(step: Step | PredictionErrors, spread: Sequence[float]) -> list[wording.JointErrors]:
     """Errors of the fitted and of the validation groups, as far as they are known."""
-    return [row for row in (step.rms, step.rms_validation) if row]
+    rows = (row for row in (step.rms, step.rms_validation) if row)
+    return [wording.JointErrors(row, step.noise_floor, spread) for row in rows]
+
+
+def _floor(step: Step | PredictionErrors, spread: Sequence[float]) -> wording.JointErrors:
+    """The noise floor as an error."""
+    return wording.JointErrors(step.noise_floor or step.rms, step.noise_floor, spread)
 
 
 def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, hatched: bool) -> str:
     """Bars from zero: fit above held out; the dotted line is the noise floor; of a free curve hatched."""
-    floor = one_error(step.noise_floor, None, spread) if step.noise_floor else math.nan
+    floor = _floor(step, spread).mean if step.noise_floor else math.nan
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
     bars = "".join(
-        f'<span class="{kind}" style="width:{100 * one_error(row, None, spread) / top:.2f}%"></span>'
-        for kind, row in zip(("fit", "held"), _judged(step), strict=False)
+        f'<span class="{kind}" style="width:{100 * one.mean / top:.2f}%"></span>'
+        for kind, one in zip(("fit", "held"), _judged(step, spread), strict=False)
     )
     look = 'class="fv-stair hatched" title="a free curve: not physics"' if hatched else 'class="fv-stair"'
     return f"<div {look}>{bars}{line}</div>"
 
 
-def _error_cell(row: Sequence[float] | None, spread: Sequence[float]) -> str:
-    if not row:
+def _error_cell(errors: wording.JointErrors | None) -> str:
+    if errors is None:
         return "<td>–</td>"
-    torque, shown = wording.number(wording.total_rms(row), 3), one_error(row, None, spread)
-    return f'<td title="{torque} Nm">{wording.number(shown, 3)}</td>'
+    return f'<td title="{errors.hover()}">{wording.number(errors.mean, 3)}</td>'
 
 
 def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate]) -> list[str]:
@@ -319,8 +317,7 @@ def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate])
         for p in parameters:
             of, dot, name = p.name.partition(".")
             if dot and of == effect and place and place in (p.joint, p.payload):
-                shown = " ± ".join(wording.interval(p.value, p.std))
-                values.append(f"{wording.plain_name(name)} {shown} {wording.unit_text(p.unit)}".rstrip())
+                values.append(f"{wording.plain_name(name)} {wording.measured(p.value, p.std, p.unit)}")
                 own.append(p)
         values = [wording.curve_text(own)] if own and free_curve(effect) is not None else values
         out += [f"{place}: {', '.join(values)}"] if values else []

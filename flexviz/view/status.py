@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
-
-import numpy as np
 
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis, standing
-from flexviz.wording import escape, torque_error_text
+from flexviz.wording import escape, stated_errors
 
 OF_EARLIER = "of an earlier model"
 
@@ -38,34 +37,50 @@ def shown_errors(
     return diagnosis.steps[-1]
 
 
-def error_text(
+def stated_error(
     result: Identification | None,
     errors: PredictionErrors | DiagnosisStep | None,
     failed: bool = False,
     earlier: bool = False,
-) -> str:
-    """The total error of the validation groups, else of the fitted ones.
+) -> tuple[str, str]:
+    """The error of the validation groups, else of the fitted ones, with the largest; what hover tells of it.
 
     `failed`: it cannot be known; `earlier`: the settings have changed since.
     """
     if result is None:
-        return "no model yet"
+        return "no model yet", ""
     if errors is None:
-        return "the error of the model cannot be computed" if failed else "computing the error"
-    for name, values in (("validation error", errors.rms_validation), ("fit error", errors.rms)):
-        column = np.asarray([] if values is None else values, dtype=float)
-        if column.size and np.isfinite(column).all():
-            text = f"{name} {torque_error_text(column.tolist(), result.residual.torque_spread)}"
-            return f"{text}, {OF_EARLIER}" if earlier else text
-    return "the model has no error to show"
+        return "the error of the model cannot be computed" if failed else "computing the error", ""
+    found = stated_errors(errors, result.residual.torque_spread)
+    if not found.rms or not all(map(math.isfinite, found.rms)):
+        return "the model has no error to show", ""
+    text = f"{'fit' if found.rms is errors.rms else 'validation'} error {found.text()}"
+    if len(found.rms) > 1:
+        most = found.order[0]
+        text += f", most on {result.residual.joints[most]}: {found.short(most)}"
+    return f"{text}, {OF_EARLIER}" if earlier else text, found.hover()
 
 
-def status_html(step: str, message: str, error: str, tone: str = "") -> str:
-    """The status line: step, message and error; `tone` is "", "busy", "warn" or "bad"."""
-    parts = (f"Step {step}", message, error)
-    text = "&nbsp;· ".join(escape(part) for part in parts if part)
-    text = re.sub(r"\(?\d[\d.]* (?:s|Nm|%)(?!\w)\)?", r"<span>\g<0></span>", text)  # unbroken
-    return f'<div class="fv fv-status {tone}">{text}</div>'
+def error_text(
+    result: Identification | None, errors: PredictionErrors | DiagnosisStep | None, earlier: bool = False
+) -> str:
+    """`stated_error` in one line, for a terminal."""
+    text, rest = stated_error(result, errors, earlier=earlier)
+    return f"{text} ({rest})" if rest else text
+
+
+def status_html(step: str, message: str, error: str, tone: str = "", hover: str = "") -> str:
+    """The status line: step, message, error and its `hover`; `tone` is "", "busy", "warn" or "bad"."""
+    parts = [_unbroken(escape(part)) for part in (f"Step {step}", message) if part]
+    if error:
+        tip = f' title="{escape(hover)}" class="fv-tip"' if hover else ""
+        parts.append(f"<b{tip}>{_unbroken(escape(error))}</b>")
+    return f'<div class="fv fv-status {tone}">{"&nbsp;· ".join(parts)}</div>'
+
+
+def _unbroken(text: str) -> str:
+    """Numbers stay on one line with their units."""
+    return re.sub(r"\(?\d[\d.]* (?:s|m?Nm|%|×(?: noise floor)?)(?!\w)\)?", r"<span>\g<0></span>", text)
 
 
 @dataclass(frozen=True)

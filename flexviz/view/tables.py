@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from flexviz.charts import COLOURS
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import MeasurementSet
+from flexviz.statistics import NORMAL_95
 from flexviz.view.free_curves import physical
-from flexviz.wording import INERTIAL, MARKS, SYMBOLS, escape, interval, number, plain_name, plural
+from flexviz.wording import (
+    INERTIAL,
+    MARKS,
+    SYMBOLS,
+    escape,
+    measured_parts,
+    number,
+    plain_name,
+    plural,
+    si_scale,
+)
 
 Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
 GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.playhead}
@@ -71,18 +83,21 @@ def _rows(parameters: Sequence[ParameterEstimate], truth: Truth | None) -> str:
             rows.append(
                 f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
             )
-        value, error = interval(p.value, p.std)
+        value, error, unit = measured_parts(p.value, p.std, p.unit)
+        half = 0.0 if p.std is None or not math.isfinite(p.std) else NORMAL_95 * p.std
+        factor, _ = si_scale(max(abs(p.value), half), p.unit)
         real = ""
         if truth is not None:
-            real = f'<td class="fv-truth">{number(truth.get((p.name, p.payload or p.joint)))}</td>'
+            known = truth.get((p.name, p.payload or p.joint))
+            real = f'<td class="fv-truth">{number(None if known is None else factor * known)}</td>'
         label = SYMBOLS.get(p.name, plain_name(p.name)) + (f", {p.payload}" if p.payload else "")
         colour = GRADE_COLOURS.get(p.identifiable, "#999999")
         mark = f'<span style="color:{colour}">{MARKS.get(p.identifiable, "")}</span>'
         flag = " ⚑" if p.at_bound else ""
         rows.append(
             f'<tr title="{escape(plain_name(p.name))}"><td>{escape(label)}{flag}</td>'
-            f"<td>{number(p.start, 3)}</td>"
-            f"<td><b>{value}</b></td><td>{error}</td>{real}<td>{escape(p.unit)}</td>"
+            f"<td>{number(None if p.start is None else factor * p.start, 3)}</td>"
+            f"<td><b>{value}</b></td><td>{error}</td>{real}<td>{escape(unit)}</td>"
             f"<td>{mark} {escape(p.identifiable)}</td></tr>"
         )
         if p.tied_to:

@@ -74,11 +74,18 @@ def signals_charts(
         shown = time[inside]
         modelled = np.interp(shown, model_time, explained)
         lines = [("measured", COLOURS.measured, recorded[inside]), ("model", COLOURS.model, modelled)]
-        drawn = residual_chart(fits, joint, group.name, f"Residual, {name}", (first, last))
-        second = no_chart("residual") if drawn is None else replace(drawn, height=SIGNAL_HEIGHT)
+        second = signal_residual(group, joint, name, fits, (first, last))
     upper = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
     charts = (upper, second, _error_chart(joint, name, motion, (first, last)))
     return tuple(chart.spans(first, last) for chart in charts)
+
+
+def signal_residual(
+    group: Group, joint: int, name: str, fits: BeforeAfter, span: tuple[float, float]
+) -> Chart:
+    """The residual of one joint in a span of time [s]."""
+    drawn = residual_chart(fits, joint, group.name, f"Residual, {name}", span)
+    return no_chart("residual") if drawn is None else replace(drawn, height=SIGNAL_HEIGHT)
 
 
 def within(span: tuple[float, float] | None, time: Array, *columns: Array) -> tuple[Array, ...]:
@@ -93,8 +100,11 @@ def _error_chart(joint: int, name: str, motion: RobotMotion | None, span: tuple[
         return no_chart("error")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
     time, error = within(span, motion.time, error)
-    lines = [("error", COLOURS.model, error)]
-    return time_chart("error", f"Simulated − measured θ, {name}", "rad", time, lines, height=SIGNAL_HEIGHT)
+    x, (drawn,) = thin(time, [1e3 * error])
+    line = ChartSeries("error", COLOURS.model, x, drawn)
+    axis = ChartAxis(unit="mrad")  # of every model, however small its error
+    title = f"Simulated − measured θ, {name}"
+    return Chart("error", title, y=axis, series=(line,), playhead=True, height=SIGNAL_HEIGHT)
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:

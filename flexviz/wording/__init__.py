@@ -10,15 +10,17 @@ from flexviz.wording.effects import (
     simulated_text,
 )
 from flexviz.wording.errors import (
+    PERCENT,
     SAID_AS_SHARES,
-    by_share,
+    TIMES,
+    JointErrors,
     explained,
     left_text,
     mean_nrms,
     noise_text,
     normalised,
     percent,
-    torque_error_text,
+    stated_errors,
     total_rms,
 )
 from flexviz.wording.findings import (
@@ -33,6 +35,7 @@ from flexviz.wording.findings import (
     effect_title,
     family_title,
     finding_name,
+    finding_title,
     kinds_text,
     lower,
     member_name,
@@ -67,10 +70,14 @@ from flexviz.wording.numbers import (
     interval,
     listed,
     markdown_table,
+    measured,
+    measured_parts,
     number,
     plain_name,
     plural,
+    quantity,
     short_names,
+    si_scale,
     temperature_text,
     unit_text,
 )

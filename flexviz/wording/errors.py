@@ -1,17 +1,23 @@
-"""Errors as per cent of a joint's torque, in Nm, and as multiples of the sensor's noise.
+"""The one measure of a model's error: the rms residual of each joint in multiples of its noise floor.
 
-The normalised error (NRMS) of a joint is its rms residual divided by the spread of its torque, the standard
-deviation of the recorded torque over all groups; 1 − NRMS² is the share of the torque that is explained.
-Without a known spread the texts give Nm only.
+The noise floor is the rms that the sensors' noise alone would leave: a joint is well described at 1, and
+joints of any size compare. On hover, or in brackets, the same error is told in per cent of the joint's torque
+(NRMS: rms residual ÷ standard deviation of the recorded torque over all groups; 1 − NRMS² is the share of the
+torque that is explained) and in Nm. Without a known noise floor the measure is per cent, without a known
+torque Nm. Of all joints the mean is told, in Nm the root mean square.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
-from flexviz.wording.numbers import listed, number
+from flexviz.wording.numbers import listed, number, quantity
+from flexviz.wording.records import ErrorsLike
 
+TIMES, PERCENT, TORQUE = "× noise floor", "% of the torque", "Nm"  # units of the measure
 SAID_AS_SHARES = ("explained", "unexplained")
 """Kinds of notes that the joints' shares of the torque replace."""
 MAX_LEFT = 3  # joints named by `left_text`
@@ -30,8 +36,7 @@ def normalised(rms: Sequence[float], spread: Sequence[float]) -> list[float]:
 
 def mean_nrms(rms: Sequence[float], spread: Sequence[float]) -> float:
     """Mean of the joints' NRMS; NaN where no torque varies."""
-    known = [share for share in normalised(rms, spread) if math.isfinite(share)]
-    return sum(known) / len(known) if known else math.nan
+    return _mean(normalised(rms, spread))
 
 
 def percent(share: float, digits: int = 2) -> str:
@@ -39,11 +44,90 @@ def percent(share: float, digits: int = 2) -> str:
     return f"{number(100 * share, digits)} %"
 
 
-def torque_error_text(rms: Sequence[float], spread: Sequence[float] = ()) -> str:
-    """ "7.8 % of the torque (0.310 Nm)": the joints' mean NRMS and total rms; only Nm without a spread."""
-    torque = f"{number(total_rms(rms), 3)} Nm"
-    share = mean_nrms(rms, spread) if spread else math.nan
-    return f"{percent(share)} of the torque ({torque})" if math.isfinite(share) else torque
+@dataclass(frozen=True)
+class JointErrors:
+    """Errors of the joints with one model.
+
+    Attributes:
+        rms: shape (n,) [Nm].
+        floor: shape (n,), the rms that noise alone would leave [Nm]; empty: unknown.
+        spread: shape (n,), standard deviation of the joints' torque [Nm]; empty: unknown.
+    """
+
+    rms: Sequence[float]
+    floor: Sequence[float] = ()
+    spread: Sequence[float] = ()
+
+    @cached_property
+    def unit(self) -> str:
+        """TIMES; PERCENT or TORQUE where less is known."""
+        if len(self.floor) == len(self.rms) and all(floor > 0 for floor in self.floor):
+            return TIMES
+        return PERCENT if len(self.spread) == len(self.rms) else TORQUE
+
+    @cached_property
+    def values(self) -> list[float]:
+        """The error of each joint in `unit`; NaN where it has none."""
+        if self.unit == TIMES:
+            return normalised(self.rms, self.floor)
+        return self.shares if self.unit == PERCENT else list(self.rms)
+
+    @cached_property
+    def shares(self) -> list[float]:
+        """Per cent of each joint's torque; NaN where that is unknown."""
+        known = self.spread if len(self.spread) == len(self.rms) else [math.nan] * len(self.rms)
+        return [100 * share for share in normalised(self.rms, known)]
+
+    @cached_property
+    def mean(self) -> float:
+        """The error of all joints in `unit`."""
+        if self.unit == TORQUE:
+            return total_rms(self.rms)
+        return _mean(self.values)
+
+    def of(self, joint: int | None = None) -> float:
+        """The error of a joint, or of all (None), in `unit`."""
+        return self.mean if joint is None else self.values[joint]
+
+    @cached_property
+    def order(self) -> list[int]:
+        """The joints, the largest error first."""
+        size = [value if math.isfinite(value) else -1.0 for value in self.values]
+        return sorted(range(len(size)), key=lambda j: -size[j])
+
+    def text(self, joint: int | None = None) -> str:
+        """ "9.03 × noise floor", of a joint or of all."""
+        value, unit = self.of(joint), self.unit
+        return quantity(value, unit) if unit == TORQUE else f"{number(value, 3)} {unit}"
+
+    def short(self, joint: int | None = None) -> str:
+        """ "9.03 ×", "7.5 %"."""
+        return self.text(joint).replace(TIMES, "×").replace(PERCENT, "%")
+
+    def hover(self, joint: int | None = None) -> str:
+        """What else is known of the same error: "0.442 % of the torque, 51.3 mNm"."""
+        share = _mean(self.shares) if joint is None else self.shares[joint]
+        parts = [f"{number(share, 3)} {PERCENT}"] if self.unit != PERCENT and math.isfinite(share) else []
+        if self.unit != TORQUE:
+            parts.append(quantity(total_rms(self.rms) if joint is None else self.rms[joint], "Nm"))
+        return ", ".join(parts)
+
+    def whole(self, joint: int | None = None) -> str:
+        """ "9.03 × noise floor (0.442 % of the torque, 51.3 mNm)"."""
+        rest = self.hover(joint)
+        return f"{self.text(joint)} ({rest})" if rest else self.text(joint)
+
+
+def stated_errors(of: ErrorsLike, spread: Sequence[float]) -> JointErrors:
+    """Errors of the validation groups where known, else of the fitted ones: what every page states."""
+    held_out = of.rms_validation
+    rms = held_out if held_out and all(map(math.isfinite, held_out)) else of.rms
+    return JointErrors(rms, of.noise_floor, spread)
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
 
 
 def noise_text(shares: Mapping[str, float]) -> str:
@@ -67,23 +151,7 @@ def explained(error: float) -> str:
     return f"{100 * max(1 - left, 0.0):.{decimals}f} %"
 
 
-def left_text(
-    joints: Sequence[str], rms: Sequence[float], spread: Sequence[float], floor: Sequence[float]
-) -> str:
-    """Errors of the worst joints, the largest share of the torque first; the noise comes last."""
-    parts = []
-    for j in by_share(rms, spread)[:MAX_LEFT]:
-        noise = f", {number(rms[j] / floor[j], 2)} times the noise" if floor and floor[j] > 0 else ""
-        share = normalised(rms, spread)[j] if spread else math.nan
-        torque = f"{number(rms[j], 3)} Nm{noise}"
-        known = math.isfinite(share)
-        parts.append(
-            f"{joints[j]} {percent(share)} of its torque ({torque})" if known else f"{joints[j]} {torque}"
-        )
-    return "; ".join(parts)
-
-
-def by_share(rms: Sequence[float], spread: Sequence[float]) -> list[int]:
-    """Joints by the share of their torque that stays, the largest first; by Nm without a spread."""
-    size = [s if math.isfinite(s) else 0.0 for s in normalised(rms, spread)] if spread else list(rms)
-    return sorted(range(len(size)), key=lambda j: -size[j])
+def left_text(joints: Sequence[str], errors: JointErrors) -> str:
+    """The worst joints first: "joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm)"."""
+    parts = (f"{joints[j]} {errors.whole(j)}" for j in errors.order[:MAX_LEFT])
+    return "; ".join(parts).replace("of the torque", "of its torque")

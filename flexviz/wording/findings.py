@@ -7,7 +7,15 @@ from dataclasses import dataclass
 
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.statistics import NORMAL_95
-from flexviz.wording.numbers import interval, listed, number, plain_name, plural, unit_text
+from flexviz.wording.numbers import (
+    listed,
+    measured,
+    number,
+    plain_name,
+    plural,
+    si_scale,
+    unit_text,
+)
 from flexviz.wording.records import AbsorbedLike, FamilyLike, FindingLike, NamedLike, TieLike, ValueLike
 
 FAMILY_TITLES = {
@@ -128,8 +136,7 @@ def value_text(effect: str, name: str, found: ValueLike) -> str:
     )
     if bounds is not None and found.std is not None and NORMAL_95 * found.std > bounds.upper - bounds.lower:
         return "not determined"
-    shown, error = interval(found.value, found.std)
-    return f"{shown} ± {error} {unit_text(found.unit)}".rstrip()
+    return measured(found.value, found.std, found.unit)
 
 
 def curve_text(values: Sequence[ValueLike]) -> str:
@@ -186,5 +193,7 @@ def absorbed_list(absorbed: Sequence[AbsorbedLike], most: int = 3) -> str:
 def absorbed_text(absorbed: AbsorbedLike) -> str:
     """A parameter that had absorbed the effect: its value before and after."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
-    name, unit = INERTIA.get(absorbed.name, plain_name(absorbed.name)), unit_text(absorbed.unit)
-    return f"{name}{place}: {number(absorbed.before)} → {number(absorbed.after)} {unit}".rstrip()
+    name = INERTIA.get(absorbed.name, plain_name(absorbed.name))
+    factor, unit = si_scale(max(abs(absorbed.before), abs(absorbed.after)), absorbed.unit)
+    before, after = (number(factor * value) for value in (absorbed.before, absorbed.after))
+    return f"{name}{place}: {before} → {after} {unit_text(unit)}".rstrip()

@@ -117,6 +117,8 @@ class ErrorsLike(Protocol):
     def rms(self) -> Sequence[float]: ...
     @property
     def rms_validation(self) -> Sequence[float] | None: ...
+    @property
+    def noise_floor(self) -> Sequence[float]: ...
 
 
 class StepLike(ErrorsLike, Protocol):
@@ -124,8 +126,6 @@ class StepLike(ErrorsLike, Protocol):
 
     @property
     def added(self) -> NamedLike | None: ...
-    @property
-    def noise_floor(self) -> Sequence[float]: ...
 
 
 class LocationLike(Protocol):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
-from flexviz.wording.errors import by_share, left_text
+from flexviz.wording.errors import left_text, stated_errors
 from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
@@ -85,11 +85,11 @@ def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:
 
 
 def what_stays(joints: Sequence[str], step: StepLike | None, spread: Sequence[float]) -> tuple[str, str]:
-    """The joint of whose torque a model explains least, and what it leaves of all; empty without a spread."""
+    """The joint with the largest error of a model, and what it leaves of all; empty without a spread."""
     if step is None or not spread:
         return "", ""
-    rms = step.rms_validation or step.rms
-    return joints[by_share(rms, spread)[0]], f"what stays: {left_text(joints, rms, spread, step.noise_floor)}"
+    errors = stated_errors(step, spread)
+    return joints[errors.order[0]], f"what stays: {left_text(joints, errors)}"
 
 
 def location(where: Sequence[LocationLike], worst: str = "") -> LocationLike | None:

@@ -315,3 +315,9 @@ def leave_the_plots(page: Any) -> None:
 def status(page: Any) -> str:
     """The status line."""
     return page.locator(".fv-status").inner_text()
+
+
+def error(page: Any) -> float:
+    """The error in the status line [× noise floor]; NaN while it says none."""
+    found = re.search(r"(?:validation|fit) error ([\d.]+) × noise floor", status(page))
+    return float(found[1]) if found else float("nan")

@@ -20,6 +20,7 @@ from tests.browser.page import (
     chart,
     charts,
     choose,
+    error,
     ghost,
     node,
     pause,
@@ -27,7 +28,6 @@ from tests.browser.page import (
     play,
     press,
     row,
-    status,
     tab,
     tick,
     unfold,
@@ -54,14 +54,8 @@ def swatch(page: Any, joint: str) -> np.ndarray:
     return seen[seen.shape[0] // 2, seen.shape[1] // 2]
 
 
-def percent(page: Any) -> float:
-    """The error in the status line [% of the torque]."""
-    found = re.search(r"validation error ([\d.]+) % of the torque", status(page))
-    return float(found[1]) if found else float("nan")
-
-
 def at_rest(page: Any) -> None:
-    until(lambda: not button(page, "Stop").is_enabled() and np.isfinite(percent(page)), what="the end")
+    until(lambda: not button(page, "Stop").is_enabled() and np.isfinite(error(page)), what="the end")
 
 
 def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
@@ -81,11 +75,11 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     until(lambda: np.abs(swatch(page, "joint2") - BRIGHT).max() < 12, what="a bright link")
     until(lambda: sum(swatch(page, "joint1")) < 250, SOON, "a dark link")
     until(lambda: yellow(page) > 150, what="a yellow robot")
-    before = percent(page)
+    before = error(page)
     page.get_by_role("button", name="Add and refit").first.click()
     until(lambda: verdict.inner_text().startswith("Nothing is missing"), what="the second look")
     at_rest(page)
-    until(lambda: percent(page) < before / 20, what="the fall of the error")
+    until(lambda: error(page) < before / 20, what="the fall of the error")
     # now both are at the noise: dark on the robot and in the legend
     until(lambda: max(sum(swatch(page, joint)) for joint in ("joint1", "joint2")) < 250, what="dark links")
     until(lambda: yellow(page) < 20, what="a dark robot")
@@ -101,14 +95,14 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
         < page.locator(".uplot").filter(has_text="all joints").bounding_box()["y"]
     )
     shot(page, "stairs")
-    after = percent(page)
+    after = error(page)
     row(page, "Show model").get_by_role("button", name="0", exact=True).click()
-    until(lambda: percent(page) == before, 60, "the error of the first model")
+    until(lambda: error(page) == before, 60, "the error of the first model")
     until(lambda: yellow(page) > 150, 60, "its colours")
     until(lambda: verdict.inner_text().startswith("Missing"), SOON, "its verdict")
     assert bars.count() == 2
     row(page, "Show model").get_by_role("button", name="1", exact=True).click()
-    until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
+    until(lambda: error(page) == after and yellow(page) < 20, 60, "the last model")
     compared_side_by_side(page, shot)
     the_map_is_faint_where_nothing_is_explained(page)
     shot(page, "glance-light")
@@ -311,7 +305,10 @@ def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path:
     until(lambda: shown.input_value().startswith("0.00 – 12.0"), what="all of it")
 
     # the name of the joint under the pointer, with its torque and deflection
-    hover, text = page.locator(".fv-hover"), r"joint\d, torque .* Nm, deflection .* mrad, error .* %"
+    hover, text = (
+        page.locator(".fv-hover"),
+        r"joint\d, torque .* Nm, deflection .* mrad, .*error .* × noise floor \(.* %",
+    )
 
     def named() -> bool:
         places = ghost(page)  # seen anew: the robot may have moved

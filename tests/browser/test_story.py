@@ -25,6 +25,7 @@ from tests.browser.page import (
     chart,
     charts,
     choose,
+    error,
     pause,
     row,
     status,
@@ -72,14 +73,9 @@ def command_line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLi
         process.kill()
 
 
-def error(page: Any) -> float:
-    """The error that the status line names [Nm]."""
-    found = re.search(r"validation error [\d.]+ % of the torque \(([\d.]+) Nm\)", status(page))
-    return float(found[1]) if found else float("nan")
-
-
-def total(per_joint: list[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(per_joint))))
+def mean_times(step: dict[str, Any], name: str = "rms_validation") -> float:
+    """The mean of the joints' errors in multiples of their noise floor."""
+    return float(np.mean(np.divide(step[name], step["noise_floor"])))
 
 
 def test_the_missing_effect_is_found_added_saved_and_reopened(
@@ -122,7 +118,7 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     after = error(page)
     document = command_line.result("diagnosis")
     for said, step in zip((before, after), document["steps"], strict=True):
-        assert said == pytest.approx(total(step["rms_validation"]), rel=0.01)
+        assert said == pytest.approx(mean_times(step), rel=0.01)
     assert after < before / 40
     assert document["verdict"] == "missing" and document["candidates"][0]["joint"] == "joint2"
     assert float(value[1]) == pytest.approx(
@@ -136,11 +132,9 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     )
     for text, step in zip(rows, document["steps"], strict=True):
         fit, held_out = (float(x) for x in re.findall(r"\t([\d.]+)", text))
-        spread = np.array(document["torque"]["spread"])
-        assert fit == pytest.approx(100 * np.mean(step["rms"] / spread), rel=0.05)
-        assert held_out == pytest.approx(100 * np.mean(step["rms_validation"] / spread), rel=0.05)
-    percent = re.search(r"validation error ([\d.]+) % of the torque", status(page))
-    assert percent and float(percent[1]) == pytest.approx(held_out, rel=0.05)  # of the last row
+        assert fit == pytest.approx(mean_times(step, "rms"), rel=0.01)
+        assert held_out == pytest.approx(mean_times(step), rel=0.01)
+    assert error(page) == held_out  # of the last row
     assert "as in the status line" in page.inner_text("body")
     model_steps = until(lambda: chart(page, "Error after each added effect, all joints"), what="staircase")
     assert all(line[0] > 20 * line[-1] for line in model_steps[1:-1])
@@ -204,7 +198,7 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     # the error does not depend on the observer: it is nearly the one that the diagnosis states
     steps = command_line.result("diagnosis")["steps"]
     said = until(lambda: np.isfinite(error(page)) and error(page), what="the error")
-    assert said == pytest.approx(total(steps[0]["rms_validation"]), rel=0.05)  # beside a weak CAD prior
+    assert said == pytest.approx(mean_times(steps[0]), rel=0.05)  # beside a weak CAD prior
     for known in expected["parameters"]:
         if known["name"] in ("stiffness", "motor_inertia"):
             name = "K" if known["name"] == "stiffness" else "B"

@@ -10,11 +10,11 @@ import numpy as np
 
 from flexviz.app.page import Page, dim, put, warning
 from flexviz.app.residual_axis import before_after
-from flexviz.app.state import Changed, Turn
+from flexviz.app.state import Changed, LiveTuning, Turn
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.errors import InputError
-from flexviz.identification import ResidualPreview
+from flexviz.identification import ObservedResidual, ResidualPreview
 from flexviz.observers import EsoGains, make_observer
 from flexviz.view import Cost, residuals_html, stretch, trade_chart
 from flexviz.wording import escape, number
@@ -22,6 +22,7 @@ from flexviz.wording import escape, number
 LONGEST = 70_000  # samples of all joints that are evaluated while a slider is dragged
 SLOW = 0.12  # [s] of processor time: longer evaluations wait until the slider rests
 REST = 0.3  # [s] without a change
+LEAST_TRIED, MOST_TRIED = 4, 200  # tunings from which a smallest residual is told; that are remembered
 GRID = tuple(np.geomspace(5.0, 2000.0, 12).round(1).tolist())  # [rad/s] bandwidths that are tried when idle
 
 
@@ -34,8 +35,11 @@ class LiveResidual:
         self._of: tuple[object, ...] = ()  # what the preview belongs to
         self._trade: dict[float, Cost] = {}
         self._trade_of: tuple[object, ...] = ()
+        self._rms: list[np.ndarray] = []  # (n,) residuals of every tuning that was tried [Nm]
+        self._rms_of: tuple[object, ...] = ()
         self._failed: set[float] = set()  # bandwidths of the grid that cannot be used
         self._observer = make_observer(store.analysis.observer)  # as drawn
+        self._found: ObservedResidual | None = None  # as drawn
         self._took = 0.0  # [s] of processor time, the last evaluation
         self._touched = 0.0  # the last change [s, monotonic]
         self._due: float | None = None  # when a slow evaluation is due [s, monotonic]
@@ -61,6 +65,8 @@ class LiveResidual:
     def _changed(self) -> None:
         """Evaluate and draw at once, or when the slider rests if that takes long."""
         if not self._shown():
+            if self._store.live is not None:
+                self._store.set_live(None)
             return
         self._touched = time.monotonic()
         if self._took > SLOW and self._preview is not None and self._of == self._now():
@@ -82,6 +88,7 @@ class LiveResidual:
         self._due = None
         store, analysis = self._store, self._store.analysis
         if analysis.identification is None:
+            self._store.set_live(None)
             self._show(dim("After Run (step 3, Identify) the model's residual is shown here while you drag."))
             return
         tuning = analysis.used_tuning if self._draft is None else (analysis.observer, None, self._draft)
@@ -94,6 +101,8 @@ class LiveResidual:
             return
         finally:
             self._took = time.thread_time() - begin
+        self._remember(found.rms)
+        self._store.set_live(LiveTuning(store.group.name, found, self._draft))
         if isinstance(observer.bandwidth, float) and self._draft is None:
             self._keep(observer.bandwidth, Cost(found.rms, found.noise_floor))
         lag = f"{number(1000 * observer.lag(store.group.segments[0].step), 3)} ms lag"
@@ -101,13 +110,29 @@ class LiveResidual:
         span = f"{number(found.time[0], 3)} to {number(found.time[-1], 3)} s"
         head = (
             f'<div class="fv"><b>Residual of the identified model</b>{tried}, values kept '
-            f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise floor; band: '
-            "noise alone)</span></div>"
+            f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise, rms against the '
+            "smallest of the tunings tried; band: noise alone)</span></div>"
         )
-        fits, joints = before_after(store), store.measurements.joints
-        ends = [fits.largest(store.group.name, joint) for joint in range(len(joints))]
-        self._show(head, residuals_html(found, joints, store.joint, ends))
+        self._found = found
+        self._show(head, self._cards())
         self._draw_trade()
+
+    def _cards(self) -> str:
+        """The residual of every joint, and how far it is from the smallest one."""
+        store, joints = self._store, self._store.measurements.joints
+        fits, spread = before_after(store), store.measurements.torque_spread
+        ends = [fits.largest(store.group.name, joint) for joint in range(len(joints))]
+        least = np.min(self._rms, axis=0) if len(self._rms) >= LEAST_TRIED else ()
+        assert self._found is not None
+        return residuals_html(self._found, joints, store.joint, ends, least, spread)
+
+    def _remember(self, rms: np.ndarray) -> None:
+        now = (*self._now(), self._store.analysis.observer)
+        if now != self._rms_of:
+            self._rms, self._rms_of = [], now
+        self._rms.append(rms)
+        if len(self._rms) > MOST_TRIED:
+            self._rms = [np.min(self._rms, axis=0)] * LEAST_TRIED
 
     def _show(self, head: str, grid: str = "") -> None:
         with self._page.server.atomic():
@@ -149,6 +174,8 @@ class LiveResidual:
             self._failed.add(rest[0])
             return
         self._trade[rest[0]] = Cost(found.rms, found.noise_floor)
+        self._remember(found.rms)
+        self._grid.content = self._cards()
         self._draw_trade()
 
     def _draw_trade(self) -> None:

@@ -13,7 +13,7 @@ from flexviz.diagnosis import Diagnosis, ResidualMap, Step
 from flexviz.report.blocks import FIGURE_HEIGHT, Cell, ReportTable, Section, explanation, section, table
 from flexviz.report.content import ReportContent
 from flexviz.report.sections.summary import fall
-from flexviz.wording import explained, mean_nrms, normalised, number, text_names, total_rms
+from flexviz.wording import JointErrors, explained, number, quantity, stated_errors, text_names, total_rms
 
 MAX_MODELS = 7  # columns per table
 
@@ -31,8 +31,9 @@ def staircase(content: ReportContent) -> Section | None:
         "How the error fell" if many else "The error",
         _chart(content, steps) if many else None,
         explanation(
-            "Rms of the torque residual in per cent of the spread of the joint's torque (NRMS), in one "
-            "frequency band for all models; of all joints: the mean. Held-out groups are never fitted. Model "
+            "Rms of the torque residual in multiples of the noise floor, which the sensors' noise alone "
+            "would leave, in one frequency band for all models; of all joints: the mean. Held-out groups are "
+            "never fitted. Model "
             f"0 is the model of the set{first}{adds}."
         ),
         _groups(content, steps),
@@ -46,22 +47,19 @@ def _chart(content: ReportContent, steps: Sequence[Step]) -> Chart:
     return replace(chart, description=words, height=FIGURE_HEIGHT)
 
 
-def _share(values: Sequence[float], spread: Sequence[float]) -> str:
-    """Mean NRMS in per cent."""
-    return number(100 * mean_nrms(values, spread), 3)
-
-
 def _groups(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
-    shown, spread = columns(len(steps)), content.spread
+    shown = columns(len(steps))
+
+    def mean(k: int, rms: Sequence[float]) -> str:
+        return number(JointErrors(rms, steps[k].noise_floor, content.spread).mean, 3)
+
     rows = []
     for name, used, found in _of_groups(steps):
-        cells = ("–" if (row := found[k]) is None else _share(row, spread) for k in shown)
-        rows.append([name, used, *cells])
-    rows = rows or [["all", "fit", *(_share(steps[k].rms, spread) for k in shown)]]
-    if all(step.noise_floor for step in steps):
-        rows.append(["noise floor", "", *(_share(steps[k].noise_floor, spread) for k in shown)])
+        rows.append([name, used, *("–" if (row := found[k]) is None else mean(k, row) for k in shown)])
+    rows = rows or [["all", "fit", *(mean(k, steps[k].rms) for k in shown)]]
     head = ("group", "used to", *(f"model {k}" for k in shown))
-    caption = "Rms residual of each group, mean of all joints [% of the torque]"
+    unit = stated_errors(steps[-1], content.spread).unit
+    caption = f"Rms residual of each group, mean of all joints [{unit}]"
     return table(head, rows, range(2, len(head)), caption)
 
 
@@ -83,23 +81,26 @@ def _of_groups(steps: Sequence[Step]) -> Iterator[tuple[str, str, Sequence[Seque
 
 def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
     held_out = all(step.rms_validation for step in steps)
-    shown, spread = columns(len(steps)), content.spread
-    errors = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
-    shares = [normalised(error, spread) for error in errors]
-    floor = steps[-1].noise_floor
+    shown = columns(len(steps))
+    rms = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
+    floors = (step.noise_floor for step in steps)
+    errors = [JointErrors(one, floor, content.spread) for one, floor in zip(rms, floors, strict=True)]
+    last = errors[-1]
     rows = [
         [
             joint,
-            *(number(100 * shares[k][j], 3) for k in shown),
-            explained(shares[-1][j]),
-            number(errors[-1][j], 3),
-            number(floor[j], 3) if floor else "–",
+            *(number(errors[k].values[j], 3) for k in shown),
+            number(last.shares[j], 3),
+            explained(last.shares[j] / 100),
+            quantity(last.rms[j], "Nm"),
+            quantity(last.floor[j], "Nm") if last.floor else "–",
         ]
         for j, joint in enumerate(content.joints)
     ]
-    head = ("joint", *(f"model {k} [%]" for k in shown), "torque explained", "last [Nm]", "noise floor [Nm]")
+    models = (f"model {k}" for k in shown)
+    head = ("joint", *models, "last [% of its torque]", "torque explained", "last", "noise floor")
     what = "held-out groups" if held_out else "fitted groups"
-    return table(head, rows, range(1, len(head)), f"Rms residual of each joint [% of its torque], {what}")
+    return table(head, rows, range(1, len(head)), f"Rms residual of each joint [{last.unit}], {what}")
 
 
 def columns(count: int) -> list[int]:
@@ -143,8 +144,7 @@ def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
     for j, joint in enumerate(content.joints):
         row: list[str | Cell] = [joint, "–"]
         if last is not None and last.noise_floor:
-            error = (last.rms_validation or last.rms)[j]
-            row[1] = f"{number(error / max(last.noise_floor[j], 1e-300), 2)} ×"
+            row[1] = stated_errors(last, content.spread).short(j)
         for variable in view.MAP_COLUMNS:
             found = view.map_of(maps, joint, variable)
             if found is None or not np.isfinite(found.explained):

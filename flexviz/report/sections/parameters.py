@@ -11,7 +11,7 @@ from flexviz.identification import Combination, ParameterEstimate
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.view import model_curve_charts, physical
-from flexviz.wording import INERTIAL, MARKS, interval, number, plain_name, plural, unit_text
+from flexviz.wording import INERTIAL, MARKS, measured_parts, number, plain_name, plural, unit_text
 
 MAX_TIES = 3  # listed per parameter
 MAX_PARAMETERS = 40  # listed in the bandwidth check
@@ -47,10 +47,10 @@ def source(content: ReportContent) -> str:
     )
 
 
-def _value(p: ParameterEstimate | Combination) -> tuple[blocks.Cell, str]:
-    """A value and half of its 95 % interval."""
-    value, half = interval(p.value, p.std)
-    return blocks.Cell(value, strong=True), half
+def _value(p: ParameterEstimate | Combination) -> tuple[blocks.Cell, str, str]:
+    """A value, half of its 95 % interval, and the unit of both."""
+    value, half, unit = measured_parts(p.value, p.std, p.unit)
+    return blocks.Cell(value, strong=True), half, unit_text(unit)
 
 
 def place_of(p: ParameterEstimate) -> str:
@@ -69,7 +69,7 @@ def _main(found: Sequence[ParameterEstimate]) -> blocks.ReportTable:
     for p in sorted(found, key=lambda p: places.index(place_of(p))):
         ties = ", ".join(map(tied, p.tied_to[:MAX_TIES])) + (" …" if len(p.tied_to) > MAX_TIES else "")
         mark = grade(p) + (", at its bound" if p.at_bound else "")
-        rows.append([place_of(p), plain_name(p.name), *_value(p), unit_text(p.unit), mark, ties])
+        rows.append([place_of(p), plain_name(p.name), *_value(p), mark, ties])
     head = ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to")
     return blocks.table(head, rows, (2, 3), "Parameters of joints and effects")
 
@@ -90,7 +90,7 @@ def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> blo
         f"Motion determines only combinations of the inertial parameters: {good} of {len(combinations)} are "
         "identifiable."
     )
-    rows = [[c.name, *_value(c), unit_text(c.unit), grade(c)] for c in combinations]
+    rows = [[c.name, *_value(c), grade(c)] for c in combinations]
     head = ("combination", "value", "± 95 %", "unit", "determined")
     title = "Identifiable combinations of inertial parameters"
     return blocks.section("Inertias", only, blocks.table(head, rows, (1, 2), title, dense=True), matrix)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz import wording
-from flexviz.diagnosis import PredictionErrors, Step
+from flexviz.diagnosis import Step
 from flexviz.effects import free_curve
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
@@ -70,39 +70,27 @@ def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
     """How far the error fell, as a sentence."""
     if len(steps) < 2:
         return ""
-    first, last = judged(steps[0]), judged(steps[-1])
     what = "error on held-out groups" if steps[0].rms_validation else "error"
-    before, after = (wording.torque_error_text(rms, spread) for rms in (first, last))
+    before, after = (wording.stated_errors(step, spread).whole() for step in (steps[0], steps[-1]))
     return f"The {what} went from {before} to {after}."
-
-
-def judged(step: Step | PredictionErrors) -> Sequence[float]:
-    """Rms error per joint of the held-out groups, else of the fitted ones [Nm]."""
-    return step.rms_validation or step.rms
 
 
 def numbers(content: ReportContent) -> list[Tile]:
     """Error, noise floor, effects, parameters."""
     tiles: list[Tile] = []
     found = content.steps or content.identified
-    errors = [judged(one) for one in (found[0], found[-1])[-len(found) :]] if found else []
+    ends = (found[0], found[-1])[-len(found) :] if found else ()
+    errors = [wording.stated_errors(one, content.spread) for one in ends]
     floor = found[-1].noise_floor if found else ()
     if errors:
         held_out = bool(found[-1].rms_validation)
-        shown = (
-            " → ".join(wording.number(100 * wording.mean_nrms(rms, content.spread), 2) for rms in errors)
-            + " %"
-        )
-        torque = " → ".join(wording.number(wording.total_rms(rms), 3) for rms in errors)
+        shown = " → ".join(one.short() for one in errors)
+        rest = " → ".join(one.hover() for one in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
-        tiles.append(
-            Tile(
-                "Error", shown, f"of the torque, mean of the joints; {groups}; rms of the joints {torque} Nm"
-            )
-        )
+        tiles.append(Tile("Error", shown, f"{errors[-1].unit}, mean of the joints; {groups}; {rest}"))
     if floor:
-        torque = wording.number(wording.total_rms(floor), 3)
-        note = f"rms of the joints {torque} Nm, expected from measurement noise alone"
+        torque = wording.quantity(wording.total_rms(floor), "Nm")
+        note = f"rms of the joints {torque}, expected from measurement noise alone"
         tiles.append(Tile("Noise floor", wording.percent(wording.mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
     beside = f"beside {wording.plural(own, 'effect')} of the set" if own else ""

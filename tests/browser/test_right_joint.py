@@ -1,0 +1,112 @@
+"""The links' colours point at the joint of the verdict, on a Panda with backlash; one error everywhere."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from flexviz.simulation import simulate_preset
+from tests.browser.page import SOON, button, choose, error, pixels, row, status, tab, until, within
+
+pytestmark = pytest.mark.browser
+HALF_WIDTH = 1e-4  # [rad]
+JOINT = "panda_joint3"
+STIFFNESS = """() => [...document.querySelectorAll('.fv-table tr[title=stiffness]')]
+    .map(tr => /⚑/.test(tr.textContent) || /no\\s*$/.test(tr.textContent))"""
+HATCHED = """() => [...document.querySelectorAll('.fv-joints .fv-joint')]
+    .map(tr => tr.lastChild.classList.contains('fv-hatched'))"""
+
+
+@pytest.fixture(scope="module")
+def panda(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("panda") / "set"
+    simulate_preset("panda", folder, [f"backlash:{JOINT}:half_width={HALF_WIDTH}"], 3)
+    for file in folder.glob("*.parquet"):  # as most robots have them: without link encoders
+        table = parquet.read_table(file)
+        parquet.write_table(table.drop([name for name in table.column_names if name.startswith("q_")]), file)
+    return str(folder)
+
+
+def swatches(page: Any) -> list[int]:
+    """Brightness of the colours beside the joints in the legend, sampled from the screen."""
+    out = []
+    for box in page.locator(".fv-joints .fv-joint .fv-box").all():
+        seen = pixels(page, box.bounding_box())
+        out.append(int(seen[seen.shape[0] // 2, seen.shape[1] // 2].astype(int).sum()))
+    return out
+
+
+def brightest_link(page: Any) -> np.ndarray:
+    """The places (M, 2) [px] of the scene that have the colour of the end of the scale."""
+    box = {"x": 345, "y": 290, "width": 310, "height": 280}  # the measured robot
+    seen = pixels(page, box).astype(int)
+    return np.argwhere(
+        (seen[..., 1] > 0.85 * seen[..., 0]) & (seen[..., 0] > 110) & (seen[..., 2] < 0.65 * seen[..., 1])
+    )
+
+
+def deflection(page: Any) -> str:
+    return row(page, "Deflection ×").get_by_role("textbox").first.input_value()
+
+
+def test_the_brightest_link_is_that_of_the_verdict(
+    serve: Callable[..., str], open_page: Any, shot: Any, panda: str
+) -> None:
+    address = serve(panda)
+    page = open_page(address, 1440, 900)
+    button(page, "Pause").click()
+    scene = "() => window.__viserSceneTree.getState()['/labels/measured']?.message?.props?.text"
+    until(lambda: "deflection not drawn: K is not determined" in page.evaluate(scene), SOON, "no deflection")
+    assert all(page.evaluate(HATCHED))
+    button(page, "Diagnose").click()
+    page.get_by_role("button", name="Find the missing effect").click()
+    verdict = page.locator(".fv-verdict")
+    until(lambda: verdict.count() and f"Backlash on {JOINT}" in verdict.inner_text(), 900, "the verdict")
+    until(lambda: not button(page, "Stop").is_enabled() and error(page) > 1, what="the end")
+
+    # the brightest swatch, the yellow link, the mark: all are of the joint that the verdict names
+    until(lambda: int(np.argmax(swatches(page))) == 2, SOON, "its colour in the legend")
+    assert sorted(swatches(page))[-1] > sorted(swatches(page))[-3]
+    until(lambda: len(brightest_link(page)) > 100, SOON, "a bright link")
+    marked = page.locator(".fv-joints .fv-joint").filter(has_text="◂")
+    assert [text.split()[0] for text in marked.all_inner_texts()] == ["joint3"]
+
+    # one error: status line, legend, staircase and Where it fails say the same number of it
+    said = re.search(rf"validation error ([\d.]+) × noise floor, most on {JOINT}: ([\d.]+) ×", status(page))
+    assert said
+    assert marked.inner_text().replace("◂", "").split()[1] == said[2]
+    tab(page, "Compare").click()
+    until(
+        lambda: f"Largest: {JOINT} {said[2]} × noise floor (" in page.inner_text("body"), SOON, "the largest"
+    )
+    assert f"{said[1]}" in page.locator(".fv-table tr").filter(has_text="● shown").inner_text()
+    tab(page, "Where it fails").click()
+    fails = page.locator(".fv").filter(has_text=f"Error of {JOINT} [× noise floor]:")
+    until(lambda: f"t4p3 {said[2]}" in fails.inner_text(), SOON, "the error of the validation group")
+    hover = page.locator(".fv-status b").get_attribute("title") or ""
+    assert re.fullmatch(r"[\d.]+ % of the torque, [\d.]+ mNm", hover)
+
+    # numbers: three digits or those that the error allows, with a prefix
+    found = re.search(r"half width ([\d.]+) ± ([\d.]+) µrad", page.locator(".fv-finding").first.inner_text())
+    assert found and abs(float(found[1]) * 1e-6 - HALF_WIDTH) < 2 * float(found[2]) * 1e-6
+    shot(page, "panda-verdict-light")
+
+    # the deflection is drawn where K is determined; its factor does not jump
+    button(page, "Identify").click()
+    known = within(SOON, lambda: page.evaluate(STIFFNESS), lambda rows: len(rows) == 7)
+    assert known == page.evaluate(HATCHED) and 0 < sum(known) < 7
+    factor = deflection(page)
+    assert float(factor) > 1
+    choose(page, "Group", "t2p2")
+    until(lambda: f"deflection ×{factor} (identified)" in page.evaluate(scene), SOON, "the same factor")
+    assert deflection(page) == factor
+    shot(page, "panda-identify")
+    page.close()
+    dark = open_page(f"{address}/?darkMode", 1440, 900)
+    until(lambda: int(np.argmax(swatches(dark))) == 2, SOON, "its colour on a dark page")
+    shot(dark, "panda-verdict-dark")
