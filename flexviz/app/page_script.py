@@ -10,6 +10,7 @@ import json
 from pathlib import Path
 
 from flexviz.charts import TIME
+from flexviz.view import BEFORE, RESIDUAL
 from flexviz.wording import escape
 
 TIME_LABEL, SPAN_LABEL, PICTURE_LABEL = "Time [s]", "Span [s]", "Plot to save"  # of the controls
@@ -29,8 +30,9 @@ c.toBlob(b => {
 
 
 def page_script() -> str:
-    """The script as an element (HTML)."""
-    text = (Path(__file__).parent / "page.js").read_text(encoding="utf-8")
+    """The scripts as an element (HTML)."""
+    folder = Path(__file__).parent
+    text = "".join((folder / name).read_text(encoding="utf-8") for name in ("page.js", "fall.js"))
     for name, value in (
         ("TIME", TIME_LABEL),
         ("SPAN", SPAN_LABEL),
@@ -38,6 +40,8 @@ def page_script() -> str:
         ("PICTURE", PICTURE_LABEL),
         ("NUMBER", NUMBER_LABEL),
         ("OPEN", OPEN_LABEL),
+        ("BEFORE", BEFORE),
+        ("RESIDUAL", RESIDUAL),
     ):
         text = text.replace(f"'{name}'", f"'{value}'")
     return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'

@@ -34,7 +34,15 @@ from flexviz.parallel import Background
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
-from flexviz.session import SESSION_FILE, Analysis, diagnosed_models, is_session, open_session, with_roles
+from flexviz.session import (
+    SESSION_FILE,
+    Analysis,
+    Session,
+    diagnosed_models,
+    is_session,
+    open_session,
+    with_roles,
+)
 from flexviz.simulation import Run, replay
 from flexviz.view import truth_values
 
@@ -58,6 +66,14 @@ def open_set(path: Path) -> Opened:
     if not is_session(path):
         return Opened(measurements, shape, truth)
     return Opened(measurements, shape, truth, opened.session, opened.folder.resolve())
+
+
+def open_fitted(path: Path) -> Opened:
+    """Read a measurement set, and identify its model: a session with nothing to undo."""
+    opened = open_set(path)
+    start = Session.of(opened.measurements)
+    fitted = start.analysis.with_identification(_identify(start.analysis), start.analysis.settings)
+    return replace(opened, session=replace(start, present=replace(start.present, analysis=fitted)))
 
 
 def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:

@@ -28,7 +28,7 @@ from flexviz.view.fit_charts import (
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
 from flexviz.view.law_charts import law_chart, law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
-from flexviz.view.residual_time import BEFORE, BeforeAfter, time_residual
+from flexviz.view.residual_time import BEFORE, RESIDUAL, BeforeAfter, time_residual
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     VARIABLES,
@@ -63,6 +63,8 @@ from flexviz.view.status import (
     status_html,
     step_line_html,
     steps_done,
+    worst_joint,
+    wrong_html,
 )
 from flexviz.view.tables import (
     check_html,

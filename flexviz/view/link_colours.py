@@ -112,8 +112,9 @@ def joints_html(
         error = "–" if found is None else _percent(found, index)
         tip = "" if found is None else f' title="{number(float(found.rms[index]), 3)} Nm"'
         cells = [
-            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}</td>',
-            f"<td{tip}>{error}</td>",
+            f'<td><span class="fv-box" data-fv-fade="{escape(full)} colour" '
+            f'style="background:{css(colours[index])}"></span>{escape(name)}</td>',
+            f'<td{tip} data-fv-count="{escape(full)} error">{error}</td>',
             _load(torque, torque_end, index, 1.0),
             _load(deflection, deflection_end, index, 1e3),
         ]

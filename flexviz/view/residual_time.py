@@ -14,7 +14,7 @@ from flexviz.view.residuals import EMPTY, HEIGHT, left_out
 
 MARGIN = 1.05  # times the largest residual: end of the axis
 UNIT = "Nm"  # of every residual over time, however small
-BEFORE = "before"
+BEFORE, RESIDUAL = "before", "residual"  # names of the lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def residual_chart(
     before = None if alone else over_time(fits.before, group, joint)
     x, (drawn, *grey) = thin(time, [values] if before is None else [values, np.interp(time, *before)])
     lines = [ChartSeries(fits.name, COLOURS.reference, x, other, 1.0) for other in grey]
-    lines.append(ChartSeries("residual", COLOURS.residual, x, drawn, 1.4))
+    lines.append(ChartSeries(RESIDUAL, COLOURS.residual, x, drawn, 1.4))
     half = np.full(len(x), NORMAL_95 * floor)
     band = (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),) if np.isfinite(floor) else ()
     noise = float(half[0]) if band else 0.0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +13,8 @@ from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis, standing
-from flexviz.wording import escape, torque_error_text
+from flexviz.view.link_colours import LEAST_END
+from flexviz.wording import by_share, escape, normalised, number, percent, torque_error_text
 
 OF_EARLIER = "of an earlier model"
 
@@ -38,6 +41,14 @@ def shown_errors(
     return diagnosis.steps[-1]
 
 
+def worst_joint(result: Identification | None) -> int:
+    """The joint with the largest error; the first one without a result."""
+    if result is None:
+        return 0
+    found = result.residual
+    return by_share(found.rms_validation or found.rms, found.torque_spread)[0]
+
+
 def error_text(
     result: Identification | None,
     errors: PredictionErrors | DiagnosisStep | None,
@@ -62,10 +73,43 @@ def error_text(
 
 def status_html(step: str, message: str, error: str, tone: str = "") -> str:
     """The status line: step, message and error; `tone` is "", "busy", "warn" or "bad"."""
-    parts = (f"Step {step}", message, error)
-    text = "&nbsp;· ".join(escape(part) for part in parts if part)
-    text = re.sub(r"\(?\d[\d.]* (?:s|Nm|%)(?!\w)\)?", r"<span>\g<0></span>", text)  # unbroken
+    parts = [_unbroken(escape(part)) for part in (f"Step {step}", message, error) if part]
+    if error:
+        parts[-1] = counted(parts[-1], "error")
+    text = "&nbsp;· ".join(parts)
     return f'<div class="fv fv-status {tone}">{text}</div>'
+
+
+def _unbroken(text: str) -> str:
+    """Numbers stay on one line with their units."""
+    return re.sub(r"\(?\d[\d.]* (?:s|Nm|%)(?!\w)\)?", r"<span>\g<0></span>", text)
+
+
+def counted(text: str, name: str) -> str:
+    """A text (HTML) whose first number counts down on the page when an effect is added (`fall.js`)."""
+    return re.sub(r"\d[\d.]*", rf'<span data-fv-count="{name}">\g<0></span>', text, count=1)
+
+
+def wrong_html(
+    analysis: Analysis,
+    errors: PredictionErrors | DiagnosisStep | None,
+    joints: Sequence[str],
+    spread: Sequence[float],
+) -> str:
+    """How wrong a fitted model is before anyone has looked why; "" if it is near the noise or unknown."""
+    now = standing(analysis)
+    if errors is None or now.fit != "present" or now.verdict != "none":
+        return ""
+    rms = errors.rms_validation or errors.rms
+    worst = by_share(rms, spread)[0]
+    if errors.noise_floor and rms[worst] < LEAST_END * errors.noise_floor[worst]:
+        return ""
+    share = normalised(rms, spread)[worst] if spread else math.nan
+    error = percent(share) if math.isfinite(share) else f"{number(rms[worst], 2)} Nm"
+    return (
+        f'<div class="fv fv-wrong" title="rms residual by the torque of that joint">This arm\'s model is '
+        f"wrong by {error} on {escape(joints[worst])}. Find out why.</div>"
+    )
 
 
 @dataclass(frozen=True)
