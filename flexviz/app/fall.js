@@ -69,10 +69,10 @@ if (!window.flexvizFall) {
   const bars = share => {
     const rows = [...document.querySelectorAll('.fv-stair')], row = rows.at(-1), from = rows.at(-2);
     [...(from ? row.querySelectorAll('span') : [])].forEach((bar, k) => {
-      const [then, now] = [from.children[k], bar].map(one => parseFloat(one.style.width));
-      bar.style.transformOrigin = 'top left';
-      bar.style.transform = share < 1 && now > 0
-        ? `scale(${1 + (1 - share) * (then / now - 1)}, ${Math.min(4 * share, 1)})` : '';
+      bar.fvWidth = bar.fvWidth || bar.style.width;
+      const [then, now] = [from.children[k].style.width, bar.fvWidth].map(parseFloat);
+      bar.style.width = share < 1 ? `${then + share * (now - then)}%` : bar.fvWidth;
+      bar.style.transform = share < 1 ? `scaleY(${Math.min(4 * share, 1)})` : '';
     });
   };
   const show = share => {

@@ -75,6 +75,8 @@ class Store(ChangeSignal):
         self.highlight: Highlight | None = None
         self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
         self.kept = DerivedResults()
+        if opened.judged:
+            self.derived.judge(opened.judged)
         self._span()
 
     @property
