@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from flexviz.app import DEMO
-from flexviz.app.application import Application
+from flexviz.app.application import Application, first_step
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.deciding import DECIDE, DOWNLOAD
 from flexviz.app.steps.diagnose import DiagnoseStep
+from flexviz.app.tasks import JudgeErrors, open_fitted, open_set
 from flexviz.diagnosis import Diagnosis, FreeCurve, Step, prediction_errors
 from flexviz.identification import identify
 from flexviz.report import session_report
@@ -67,6 +68,23 @@ def one_error_everywhere(app: Application) -> None:
     assert total_rms(errors.rms_validation) == pytest.approx(float(said[2]), rel=0.05)
 
 
+def test_the_example_opens_identified_and_wrong(app: Application) -> None:
+    opened = open_fitted(sessions_dir() / DEMO)
+    assert first_step(opened) == "Diagnose" and first_step(open_set(sessions_dir() / DEMO)) == "Data"
+    app.store.open(opened)
+    assert app.store.joint_name == "joint2" and app.dock._undo.disabled  # nothing to undo
+    said = re.search(r"wrong by (\d+) % on joint2", diagnose_step(app)._wrong.content)
+    result, errors = app.store.analysis.identification, app.store.errors
+    assert said and result is not None and errors is not None  # at once, by no idle work
+    assert errors == JudgeErrors.of(app.store.analysis).run()[0]  # type: ignore[union-attr]
+    expected = 100 * errors.rms_validation[1] / app.store.measurements.torque_spread[1]  # type: ignore[index]
+    assert float(said[1]) == pytest.approx(expected, abs=0.5)
+    truth = identify(app.store.measurements)
+    assert np.allclose(result.model.stiffness, truth.model.stiffness)
+    reopen(app, sessions_dir() / DEMO)
+    assert diagnose_step(app)._wrong.content == "" and app.store.joint_name == "joint1"
+
+
 def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> None:
     assert app.dock._undo.disabled and app.dock._redo.disabled and app.dock._stop.disabled
     assert "Find the missing effect" in app.dock._line.content
@@ -87,8 +105,11 @@ def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> No
     assert best.add.visible and "coulomb 3.0" in best._text.content and "Automatica" in best._card.content
     assert "Add and refit" in app.dock._line.content
 
+    calm = app.fall._shown.content
     use(app, "Add and refit")
     wait(app)
+    fallen = app.fall._shown.content
+    assert fallen != calm  # the pages see the error fall
     added = app.store.analysis
     assert added.effects == (EFFECT,) and added.up_to_date and added.diagnosis_up_to_date
     one_error_everywhere(app)
@@ -109,6 +130,7 @@ def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> No
 
     use(app, "Remove")
     wait(app)
+    assert app.fall._shown.content == fallen  # once
     assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
     assert len(app.store.analysis.model_steps) == 1
 

@@ -19,6 +19,7 @@ from flexviz.session import (
     Analysis,
     ResultStanding,
     Session,
+    effect_added,
     first_fit,
     fit_before,
     runs,
@@ -176,6 +177,26 @@ def test_every_run_is_in_the_history(measurements: MeasurementSet) -> None:
     assert runs(session) == [tuned]
     assert first_fit(session) is fit_before(session) is one.identification
     assert runs(session.undo()) == [tuned] and fit_before(session.undo()) is None
+
+
+def test_an_added_effect_is_told_once(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    session = session.then(
+        "identified", session.analysis.with_identification(fit(), session.analysis.settings)
+    )
+    assert not effect_added(session)  # there is no model before
+    one = session.analysis
+    ticked = session.then("effects", one.with_effects(["coulomb_friction:joint1"]))
+    assert not effect_added(ticked)  # not fitted yet
+    more = ticked.analysis.with_identification(fit(), ticked.analysis.settings)
+    added = ticked.then("added Coulomb friction", more)
+    assert effect_added(added)
+    again = added.then("identified", more.with_identification(fit(), more.settings))
+    assert not effect_added(again)  # the same model
+    shown = added.then("model 0 shown", one)
+    assert not effect_added(shown) and not effect_added(shown.then("model 1 shown", more))
+    other = more.without_effects(more.effects)
+    assert not effect_added(added.then("removed", other.with_identification(fit(), other.settings)))
 
 
 def test_undo_brings_back_diagnosis_and_result_without_computing(measurements: MeasurementSet) -> None:

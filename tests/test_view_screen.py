@@ -16,6 +16,7 @@ from flexviz.robot import Robot
 from flexviz.scene import FIELD_OF_VIEW, VIEWS, Box, RobotMotion, Screen, robot_shape, scene_layout
 from flexviz.scene.shape import MAX_FACES, thinned_mesh
 from flexviz.scene.stage import LABEL_HEIGHT
+from flexviz.session import Analysis
 from flexviz.view import (
     joint_effects,
     joints_html,
@@ -180,6 +181,30 @@ def test_status_names_step_and_error() -> None:
     assert "cannot" in status.stated_error(result, None, failed=True)[0]
     line = status.status_html("Identify", "<script>", "validation error 0.012 Nm", "busy")
     assert "Step Identify" in line and "<script>" not in line and "busy" in line
+
+    # the first number counts down when an effect is added
+    assert re.findall(r'data-fv-count="error">([^<]*)<', line) == ["0.012"]
+    assert "data-fv-count" not in status.status_html("Data", "12 s", "no model yet")
+
+
+def test_the_first_sentence_says_how_wrong_the_model_is() -> None:
+    fitted: Any = Analysis(Path("set"), roles=(("g", "fit"),))
+    residual = Residual(("a<1>", "b"), (0.1, 0.6), None, torque_spread=(1.0, 4.0))
+    result: Any = Result((), residual)
+    assert status.worst_joint(None) == 0 and status.worst_joint(result) == 1
+    errors = errors_of(0.1, 0.6)
+    spread = (1.0, 4.0)
+    assert status.wrong_html(fitted, errors, ("a<1>", "b"), spread) == ""  # no model yet
+    fitted = fitted.with_identification(result, fitted.settings)
+    said = status.wrong_html(fitted, errors, ("a<1>", "b"), spread)
+    assert re.sub("<[^>]*>", "", said) == "This arm's model is wrong by 15 % on b. Find out why."
+    other = status.wrong_html(fitted, errors_of(0.3, 0.6), ("a<1>", "b"), spread)
+    assert "30 % on a&lt;1&gt;" in other
+    assert "0.600 Nm on b" in status.wrong_html(fitted, errors, ("a<1>", "b"), ())
+    # near the noise nothing is wrong; of an earlier model nothing is said
+    assert status.wrong_html(fitted, errors_of(0.02, 0.06), ("a<1>", "b"), spread) == ""
+    assert status.wrong_html(fitted, None, ("a<1>", "b"), spread) == ""
+    assert status.wrong_html(replace(fitted, observer="eso"), errors, ("a<1>", "b"), spread) == ""
 
 
 def test_step_line_marks_where_one_is() -> None:

@@ -1,7 +1,8 @@
 """`python -m benchmarks.pictures [--out FOLDER]`: the documents' pictures of the app, taken anew.
 
-Starts `flexviz serve` on the example set and walks through it in Chromium, as a user would: data, Identify,
-Diagnose, Add and refit, Compare. Writes app.png, app-compare.png, report.png and the animation app.webp.
+Starts `flexviz serve` on the example and walks through it in Chromium, as a user would: the first screen,
+Find the missing effect, Add and refit, Compare. The fall of the error is filmed slowly and shown at its pace.
+Writes app.png, app-compare.png, report.png and the animation app.webp.
 """
 
 from __future__ import annotations

@@ -53,28 +53,34 @@ class Frame:
     picture: bytes  # a WebP file
 
 
-def animation(page: Any, pictures: Sequence[bytes], size: tuple[int, int], duration: int, most: int) -> bytes:
-    """The animation of PNG pictures, `duration` [ms] each, scaled to `size`, of `most` bytes if it can be."""
+@dataclass(frozen=True)
+class Shot:
+    """A picture of the whole page, and how long it stands."""
+
+    picture: bytes  # a PNG file
+    duration: int  # [ms]
+
+
+def animation(page: Any, shots: Sequence[Shot], size: tuple[int, int], most: int) -> bytes:
+    """The animation of pictures, scaled to `size`, of `most` bytes if it can be."""
     file = b""
     for quality in QUALITIES:
-        file = webp(size, frames(page, pictures, size, duration, quality))
+        file = webp(size, frames(page, shots, size, quality))
         if len(file) <= most:
             break
     return file
 
 
-def frames(
-    page: Any, pictures: Sequence[bytes], size: tuple[int, int], duration: int, quality: float
-) -> list[Frame]:
+def frames(page: Any, shots: Sequence[Shot], size: tuple[int, int], quality: float) -> list[Frame]:
     """One frame per picture that differs from the one before it."""
     made: list[Frame] = []
-    for picture in pictures:
-        encoded = page.evaluate(ENCODE, [base64.b64encode(picture).decode(), *size, quality, not made])
+    for shot in shots:
+        encoded = page.evaluate(ENCODE, [base64.b64encode(shot.picture).decode(), *size, quality, not made])
         if encoded is None:
-            made[-1] = replace(made[-1], duration=made[-1].duration + duration)
+            made[-1] = replace(made[-1], duration=made[-1].duration + shot.duration)
         else:
             left, top, width, height, content = encoded
-            made.append(Frame(left, top, width, height, duration, base64.b64decode(content)))
+            made.append(Frame(left, top, width, height, shot.duration, base64.b64decode(content)))
     return made
 
 

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.app import served
-from benchmarks.pictures.animation import animation
-from tests.browser.page import CHROMIUM, FLAGS, button, close_notices, pause, play, row, status, tab, until
+from benchmarks.pictures.animation import Shot, animation
+from tests.browser.page import CHROMIUM, FLAGS, button, close_notices, pause, play, row, tab, until
 
 WINDOW: Any = {"width": 1280, "height": 800}  # [pixels]
 SMALL = (960, 600)  # [pixels] of the animation
 REPORT: Any = {"width": 940, "height": 862}  # [pixels]
-LENGTH, RATE = 20.0, 5  # [s], [frames/s] of the animation
+LENGTH, RATE = 15.0, 5  # [s], [frames/s] of the animation
+FALL, FALL_RATE = 1.0, 12.5  # [s], [frames/s] of the fall in it
+SLOWLY = "document.documentElement.style.setProperty('--fv-fall', '20s')"  # a screenshot takes its time
+FALLING = "window.flexvizFall.running"
 MOST = 3_000_000  # [bytes] of the animation
 MOMENT = "4"  # [s] of the recording at which the pictures are taken
 ASIDE = (620, 60)  # [pixels] no control is there, and no tooltip opens
@@ -41,28 +45,44 @@ class Film:
     def __init__(self, page: Any, animated: bool) -> None:
         self._page, self._animated = page, animated
         self._at: tuple[float, float] = ASIDE
-        self.pictures: list[bytes] = []
+        self.shots: list[Shot] = []
         if animated:
             page.evaluate(POINTER)
 
     def hold(self, seconds: float) -> None:
         """What happens on the page by itself."""
         for _ in range(round(seconds * RATE) if self._animated else 0):
-            self.pictures.append(self._page.screenshot())
+            self._take()
+
+    def _take(self) -> None:
+        self.shots.append(Shot(self._page.screenshot(), 1000 // RATE))
 
     def wait(self, condition: Callable[[], Any], seconds: float, what: str) -> None:
         """Until the condition holds, shown in so many seconds however long it takes."""
         self._glide(*ASIDE)
-        begin = len(self.pictures)
+        begin = len(self.shots)
 
         def seen() -> Any:
             self.hold(1 / RATE)
             return condition()
 
         until(seen, what=what)
-        taken = self.pictures[begin:]
-        count = min(len(taken), round(seconds * RATE))
-        self.pictures[begin:] = [taken[len(taken) * i // count] for i in range(count)]
+        self._thin(begin, seconds, RATE)
+
+    def fall(self) -> None:
+        """The fall that has begun, from screenshots of it at a much slower pace."""
+        begin = len(self.shots)
+        while self._page.evaluate(FALLING):
+            if self._animated:
+                self._take()
+        self._thin(begin, FALL, FALL_RATE)
+
+    def _thin(self, begin: int, seconds: float, rate: float) -> None:
+        """Leave so many of the pictures from number `begin` on that they take `seconds`."""
+        taken = self.shots[begin:]
+        count = min(len(taken), round(seconds * rate))
+        chosen = [taken[len(taken) * i // count] for i in range(count)]
+        self.shots[begin:] = [replace(shot, duration=round(1000 / rate)) for shot in chosen]
 
     def click(self, control: Any) -> None:
         """Move the pointer to a control and press it."""
@@ -79,9 +99,12 @@ class Film:
 
     def end(self) -> None:
         """Hold the last picture until the animation is as long as it is to be."""
-        missing = round(LENGTH * RATE) - len(self.pictures)
-        assert missing >= 0, f"the walk takes {-missing / RATE:g} s more than {LENGTH:g} s"
-        self.hold(missing / RATE)
+        missing = round(1000 * LENGTH) - sum(shot.duration for shot in self.shots)
+        assert missing >= 0, f"the walk takes {-missing / 1000:g} s more than {LENGTH:g} s"
+        self.hold(missing / 1000)
+        if self._animated:  # to the millisecond
+            rest = round(1000 * LENGTH) - sum(shot.duration for shot in self.shots)
+            self.shots[-1] = replace(self.shots[-1], duration=self.shots[-1].duration + rest)
         if self._animated:
             self._page.evaluate("document.getElementById('fv-pointer').remove()")
 
@@ -115,40 +138,30 @@ def pictures(animated: bool) -> Iterator[tuple[str, bytes]]:
             yield "report.png", first_page_of_the_report(page)
             if animated:
                 blank = browser.new_page()
-                yield "app.webp", animation(blank, film.pictures, SMALL, 1000 // RATE, MOST)
+                yield "app.webp", animation(blank, film.shots, SMALL, MOST)
         finally:
             browser.close()
 
 
 def until_the_evidence(page: Any, film: Film) -> None:
-    """Data, identify, find what is missing."""
-    film.hold(2.2)
-    film.click(button(page, "Identify"))
-    until(lambda: "Step Identify" in status(page), what="the step")
-    film.click(tab(page, "Convergence"))
-    film.click(button(page, "Run"))
-    film.wait(lambda: "validation error" in status(page) and idle(page), 1.6, "a result")
-    film.hold(1.4)
-    film.click(button(page, "Diagnose"))
-    until(lambda: "Step Diagnose" in status(page), what="the step")
-    film.click(tab(page, "Signals"))
+    """The first screen; find what is missing."""
+    page.wait_for_selector(".fv-wrong")
+    film.hold(3.0)
     film.click(button(page, "Find the missing effect"))
     verdict = page.locator(".fv-verdict")
     film.wait(lambda: verdict.count() and idle(page), 1.6, "a verdict")
-    film.hold(2.6)
+    film.hold(2.8)
 
 
 def until_the_staircase(page: Any, film: Film) -> None:
-    """Add what was found, and see the error fall."""
-    play(page)
+    """Add what was found, and see the error fall; the robots rest meanwhile."""
+    page.evaluate(SLOWLY)
     film.click(page.get_by_role("button", name="Add and refit").first)
-    verdict = page.locator(".fv-verdict")
-    film.wait(
-        lambda: verdict.inner_text().startswith("Nothing is missing") and idle(page),
-        1.6,
-        "the second verdict",
-    )
     film.click(tab(page, "Compare"))
+    film.wait(lambda: page.evaluate(FALLING), 1.0, "the fall")
+    film.fall()
+    until(lambda: page.locator(".fv-verdict").inner_text().startswith("Nothing is missing") and idle(page))
+    play(page)
     film.end()
 
 

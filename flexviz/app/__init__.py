@@ -23,7 +23,7 @@ DEMO = "planar-2r-demo"
 def serve(
     path: Path | None = None, *, host: str = "127.0.0.1", port: int | None = None, open_browser: bool = True
 ) -> None:
-    """Serve a measurement set (the bundled demonstration when None) until interrupted.
+    """Serve a measurement set until interrupted; when None, the bundled demonstration with its model fitted.
 
     Of the results of a batch, the first set that can be opened is shown, and all are listed.
     Without `port` it listens on 8080 or the next free one.
@@ -31,13 +31,16 @@ def serve(
     from flexviz.app.access import TOKEN, is_loopback
     from flexviz.app.application import Application
     from flexviz.app.server import start_server
-    from flexviz.app.tasks import open_set
+    from flexviz.app.tasks import open_fitted, open_set
     from flexviz.batch import is_batch, read_batch
     from flexviz.resources import sessions_dir
 
     begin = time.monotonic()
     fleet = read_batch(path) if path is not None and is_batch(path) else []
-    opened = open_first(fleet) if fleet else open_set(sessions_dir() / DEMO if path is None else path)
+    if path is None:
+        opened = open_fitted(sessions_dir() / DEMO)
+    else:
+        opened = open_first(fleet) if fleet else open_set(path)
     token = "" if is_loopback(host) else secrets.token_urlsafe(24)
     server = start_server(host, port, token)
     application = Application(server, opened, fleet)

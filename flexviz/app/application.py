@@ -14,6 +14,7 @@ import viser
 from flexviz.app.display import Display
 from flexviz.app.dock import Dock
 from flexviz.app.events import EventQueue, TaskRunner
+from flexviz.app.fall import Fall
 from flexviz.app.idle import IdleWork
 from flexviz.app.legend_panel import LegendPanel
 from flexviz.app.page import Page
@@ -27,6 +28,7 @@ from flexviz.app.tasks import WARM
 from flexviz.batch import FleetRow
 from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import LoadModules
+from flexviz.view import next_step
 
 TICK = 0.1  # [s] update interval of playheads, time slider and live plots
 UNWATCHED_TICK = 1.0  # [s] the same while no page is shown; events are processed at once all the same
@@ -40,7 +42,8 @@ class Application:
         self.queue = EventQueue()  # of browsers and the worker
         self.page = Page(server, self.queue)
         self.tasks = TaskRunner(self.queue, lambda reason: self.store.fail(reason))
-        self.store = Store(opened, STEPS[0].title, self.tasks, self.page.alert)
+        self.store = Store(opened, first_step(opened), self.tasks, self.page.alert)
+        self.fall = Fall(self.store, self.page)
         self.dock = Dock(self.store, self.page, STEPS)
         self.display = Display(self.store, self.page, self.queue)
         self.plots = PlotPanel(self.store, self.page, list(fleet))
@@ -90,3 +93,9 @@ class Application:
             print("flexviz: an action failed", file=sys.stderr)
             traceback.print_exception(error)
             self.store.fail(one_line(f"{type(error).__name__}: {error}"))
+
+
+def first_step(opened: Opened) -> str:
+    """The step to begin with: of a session its next one."""
+    following = next_step(opened.session.analysis, "", False).step if opened.session else ""
+    return following or STEPS[0].title

@@ -10,11 +10,10 @@ from typing import Any
 from flexviz.app.state import Changed, Derived, Turn
 from flexviz.app.store import Store
 from flexviz.app.tasks import DrawLaws, IdleTask, JudgeErrors, MapResiduals, Replay
-from flexviz.diagnosis import PredictionErrors, ResidualMap
+from flexviz.diagnosis import ResidualMap
 from flexviz.jobs import Result
 from flexviz.laws import LawThroughData
 from flexviz.session import runs
-from flexviz.view import solver_stages
 
 
 class IdleWork:
@@ -39,17 +38,10 @@ class IdleWork:
         def drawn(laws: tuple[LawThroughData, ...]) -> None:
             derived.laws = laws
 
-        def judged(of: Derived, errors: tuple[PredictionErrors, ...]) -> None:
-            of.errors, *of.stage_errors = errors
-
         for state in (analysis, *runs(store.session)):  # runs of a session that was opened are judged anew
-            one, of = state.identification, store.kept.keep(state.identification)
-            used = state.fitted_settings
-            if of.errors is None and "errors" not in of.failed and one is not None and used is not None:
-                settings = replace(state.without_result(), roles=used.roles, effects=used.effects)
-                ends = tuple(one.iterations[last] for _, _, last in solver_stages(one.iterations))
-                task = JudgeErrors(settings, one.model, (*one.iterations[:1], *ends))
-                self._start(task, of, "errors", partial(judged, of))
+            of, task = store.kept.keep(state.identification), JudgeErrors.of(state)
+            if of.errors is None and "errors" not in of.failed and task is not None:
+                self._start(task, of, "errors", of.judge)
                 break
         if derived.laws is None and "laws" not in derived.failed and fitted is not None:
             settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)

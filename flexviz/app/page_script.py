@@ -12,6 +12,7 @@ from pathlib import Path
 
 from flexviz.app import layout
 from flexviz.charts import TIME
+from flexviz.view import BEFORE, RESIDUAL
 from flexviz.wording import escape
 
 TRANSPORT_LABEL, SCREEN_LABEL, PICTURE_LABEL = "Playback command", "Canvas", "Plot to save"  # hidden texts
@@ -34,7 +35,9 @@ c.toBlob(b => {
 def page_script() -> str:
     """The scripts as an element (HTML)."""
     folder = Path(__file__).parent
-    text = "".join((folder / name).read_text(encoding="utf-8") for name in ("page.js", "layout.js"))
+    text = "".join(
+        (folder / name).read_text(encoding="utf-8") for name in ("page.js", "layout.js", "fall.js")
+    )
     for name in ("WITH_BAR", "LOW", "WITH_TABS", "ONE_COLUMN"):
         text = text.replace(f" {name}", f" {getattr(layout, name)}")
     for name, value in (
@@ -45,6 +48,8 @@ def page_script() -> str:
         ("POLE", POLE_LABEL),
         ("NUMBER", NUMBER_LABEL),
         ("OPEN", OPEN_LABEL),
+        ("BEFORE", BEFORE),
+        ("RESIDUAL", RESIDUAL),
     ):
         text = text.replace(f"'{name}'", f"'{value}'")
     return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'

@@ -59,6 +59,7 @@ class PlotPanel:
                 page.gui.add_button_group("Compare with", (OFF,), visible=False, hint=hint),
                 self._compare_with,
             )
+        self._fallen = ChartColumn(page.server, compare)
         self._compare = ChartColumn(page.server, compare)
         columns = (self._signals, self._states, self._convergence, self.residuals.charts, self._compare)
         for name, column in zip(
@@ -70,7 +71,7 @@ class PlotPanel:
                 )
                 act = partial(self._save, name, column)
                 column.button = page.client_button("Save plots", act, visible=False, hint=hint)
-        self._columns = (*columns, self.residuals.laws)
+        self._columns = (*columns, self.residuals.laws, self._fallen)
         page.style(hidden, page.client_text(PICTURE_LABEL, self._save_picture))
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
@@ -88,7 +89,7 @@ class PlotPanel:
         store.subscribe(
             Changed.OPENED | Changed.RESULT | Changed.ACTIVITY | Changed.TICK, self._draw_convergence
         )
-        store.subscribe(Changed.TICK, lambda: self._signals.move(store.clock.time))
+        store.subscribe(Changed.TICK, self._move)
 
     def _save(self, name: str, column: ChartColumn, client: int) -> None:
         """Send the plots of a tab to a browser."""
@@ -131,7 +132,13 @@ class PlotPanel:
         which = store.group, store.joint, store.joint_name
         signals = view.signals_charts(*which, before_after(store), store.motion, store.span)
         self._signals.show((*signals, *view.shape_charts(*which, result)))
-        self._signals.move(store.clock.time)
+        # under the staircase, too: what has fallen
+        self._fallen.show(tuple(chart for chart in signals if chart.key == "residual" and chart.series))
+        self._move()
+
+    def _move(self) -> None:
+        for column in (self._signals, self._fallen):
+            column.move(self._store.clock.time)
 
     def _draw_compare(self) -> None:
         store, models = self._store, [step for step, _ in self._store.chain]

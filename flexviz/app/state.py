@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
 from functools import lru_cache
@@ -35,6 +35,7 @@ class Opened:
     truth: dict[tuple[str, str | None], float] | None  # of a simulated set, shown only on request
     session: Session | None = None  # a saved one and its folder; None for a set
     folder: Path | None = None
+    judged: tuple[PredictionErrors, ...] = ()  # of its fit, see `Derived.judge`; empty if unknown
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,10 @@ class Derived:
     errors: PredictionErrors | None = None
     stage_errors: list[PredictionErrors] = field(default_factory=list)  # at the start, after each stage
     failed: set[str] = field(default_factory=set)  # groups, or fields above, that could not be computed
+
+    def judge(self, errors: Sequence[PredictionErrors]) -> None:
+        """Keep the errors of the model, at its start, and after each stage."""
+        self.errors, *self.stage_errors = errors
 
     def motion(self, measurements: MeasurementSet, group: Group) -> RobotMotion:
         """The measured motion of a group and, once it is simulated, that of the model."""

@@ -38,7 +38,7 @@ from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import BestSoFar, Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
-from flexviz.view import offered_curve, progress_text, shown_errors
+from flexviz.view import offered_curve, progress_text, shown_errors, worst_joint
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
@@ -69,13 +69,15 @@ class Store(ChangeSignal):
     def _begin(self, opened: Opened) -> None:
         self.opened, self.folder = opened, opened.folder  # folder of the saved session, or None
         self.session = opened.session or Session.of(opened.measurements)
-        self.joint, self.group = 0, opened.measurements.groups[0]
+        self.joint, self.group = worst_joint(self.analysis.identification), opened.measurements.groups[0]
         self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
         self.live: LiveTuning | None = None
         self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
         self.kept = DerivedResults()
+        if opened.judged:
+            self.derived.judge(opened.judged)
         self._span()
         self._choose_factor()
 

@@ -40,6 +40,7 @@ CSS = """
 .fv-joints .fv-dim { font-size: 10.5px; }
 .fv-next { margin-top: 0.25em; color: var(--mantine-color-dimmed); }
 .fv-next b { color: var(--mantine-color-text); }
+.fv-wrong { font-size: 17px; line-height: 1.35; padding-bottom: 0.5em; font-weight: 600; }
 .fv-verdict { margin: 0.1em 0.75em 0.5em; padding: 0.45em 0.6em; border-radius: 4px; font-weight: 600;
   border: 1px solid #999; border-left-width: 4px; }
 .fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }

@@ -31,12 +31,20 @@ from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
 from flexviz.parallel import Background
-from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
+from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
-from flexviz.session import SESSION_FILE, Analysis, diagnosed_models, is_session, open_session, with_roles
+from flexviz.session import (
+    SESSION_FILE,
+    Analysis,
+    Session,
+    diagnosed_models,
+    is_session,
+    open_session,
+    with_roles,
+)
 from flexviz.simulation import Run, replay
-from flexviz.view import truth_values
+from flexviz.view import solver_stages, truth_values
 
 Bandwidth = float | tuple[float, ...]
 WARM = ("flexviz.app.tasks",)  # with all that its tasks import
@@ -58,6 +66,16 @@ def open_set(path: Path) -> Opened:
     if not is_session(path):
         return Opened(measurements, shape, truth)
     return Opened(measurements, shape, truth, opened.session, opened.folder.resolve())
+
+
+def open_fitted(path: Path) -> Opened:
+    """Read a measurement set, and identify its model: a session with nothing to undo."""
+    opened = open_set(path)
+    start = Session.of(opened.measurements)
+    fitted = start.analysis.with_identification(_identify(start.analysis), start.analysis.settings)
+    session = replace(start, present=replace(start.present, analysis=fitted))
+    task = JudgeErrors.of(fitted)
+    return replace(opened, session=session, judged=task.run() if task else ())
 
 
 def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
@@ -253,7 +271,19 @@ class JudgeErrors(IdleTask["tuple[PredictionErrors, ...]"]):
     model: FlexibleModel
     ends: tuple[Iteration, ...] = ()
 
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[PredictionErrors, ...]:
+    @staticmethod
+    def of(state: Analysis) -> JudgeErrors | None:
+        """The task for the fit of an analysis; None without one."""
+        fit, used = state.identification, state.fitted_settings
+        if fit is None or used is None:
+            return None
+        settings = replace(state.without_result(), roles=used.roles, effects=used.effects)
+        ends = (fit.iterations[last] for _, _, last in solver_stages(fit.iterations))
+        return JudgeErrors(settings, fit.model, (*fit.iterations[:1], *ends))
+
+    def run(
+        self, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+    ) -> tuple[PredictionErrors, ...]:
         analysis = self.analysis
         found = errors_along(chosen_set(analysis), self.model, analysis.effects, self.ends)
         return tuple(replace(errors, residual=errors.residual[:0]) for errors in found)

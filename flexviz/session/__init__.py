@@ -3,7 +3,7 @@
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
 from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary, compare
 from flexviz.session.document import SESSION_FILE
-from flexviz.session.history import first_fit, fit_before, runs
+from flexviz.session.history import effect_added, first_fit, fit_before, runs
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SessionChanged, save_session, zipped
 from flexviz.session.staircase import diagnosed_models, model_chain
@@ -38,6 +38,7 @@ __all__ = [
     "Unsaved",
     "compare",
     "diagnosed_models",
+    "effect_added",
     "find_unsaved",
     "first_fit",
     "fit_before",

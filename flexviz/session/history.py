@@ -35,6 +35,18 @@ def fit_before(session: Session) -> Identification | None:
     return next((fit for fit in fits if fit is not None and fit is not present), None)
 
 
+def effect_added(session: Session) -> bool:
+    """Whether the present state has a new fit, with effects that the fit before it lacks."""
+    states = [step.analysis for step in session.steps if step.analysis.identification is not None]
+    if len(states) < 2 or states[-1] is not session.analysis:
+        return False
+    *earlier, present = states
+    if any(state.identification is present.identification for state in earlier):
+        return False
+    before, now = earlier[-1].fitted_settings, present.fitted_settings
+    return before is not None and now is not None and set(before.effects) < set(now.effects)
+
+
 def _states(session: Session) -> Sequence[Analysis]:
     """All states, also those that *Redo* brings back."""
     return [step.analysis for step in (*session.steps, *session.future)]

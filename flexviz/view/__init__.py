@@ -29,7 +29,7 @@ from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, 
 from flexviz.view.law_charts import law_chart, law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
 from flexviz.view.poles import pole_at, poles_html
-from flexviz.view.residual_time import BEFORE, BeforeAfter, time_residual
+from flexviz.view.residual_time import BEFORE, RESIDUAL, BeforeAfter, time_residual
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     VARIABLES,
@@ -65,6 +65,8 @@ from flexviz.view.status import (
     status_html,
     step_line_html,
     steps_done,
+    worst_joint,
+    wrong_html,
 )
 from flexviz.view.tables import (
     check_html,

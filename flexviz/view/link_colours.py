@@ -105,9 +105,9 @@ def joints_html(
         tip = "" if found is None else f' title="{found.errors.hover(index)}"'
         hatched = motion.determined is not None and not motion.determined[index]
         cells = [
-            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}'
-            f"{_mark(missing.get(full))}</td>",
-            f"<td{tip}>{error}</td>",
+            f'<td><span class="fv-box" data-fv-fade="{escape(full)} colour" '
+            f'style="background:{css(colours[index])}"></span>{escape(name)}{_mark(missing.get(full))}</td>',
+            f'<td{tip} data-fv-count="{escape(full)} error">{error}</td>',
             _load(torque, torque_end, index, 1.0),
             _load(deflection, deflection_end, index, 1e3, hatched),
         ]

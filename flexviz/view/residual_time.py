@@ -14,7 +14,7 @@ from flexviz.view.residuals import EMPTY, HEIGHT, left_out
 
 MARGIN = 1.05  # times the largest residual: end of the axis
 UNIT = "Nm"  # of every residual over time, however small
-BEFORE, FITTED, TUNED = "before", "as identified", "with this observer"  # of the lines
+BEFORE, RESIDUAL, FITTED, TUNED = "before", "residual", "as identified", "with this observer"  # of the lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def residual_chart(
     name, before = fits.grey(group, joint)
     x, (line, *grey) = thin(time, [values] if before is None else [values, np.interp(time, *before)])
     lines = [ChartSeries(name, COLOURS.reference, x, other, 1.0) for other in grey]
-    lines.append(ChartSeries("residual" if fits.live is None else TUNED, COLOURS.residual, x, line, 1.4))
+    lines.append(ChartSeries(RESIDUAL if fits.live is None else TUNED, COLOURS.residual, x, line, 1.4))
     half = np.full(len(x), NORMAL_95 * floor)
     band = (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),) if np.isfinite(floor) else ()
     noise = float(half[0]) if band else 0.0

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis, standing
-from flexviz.wording import escape, stated_errors
+from flexviz.view.link_colours import LEAST_END
+from flexviz.wording import TIMES, escape, number, quantity, stated_errors
 
 OF_EARLIER = "of an earlier model"
 
@@ -35,6 +37,11 @@ def shown_errors(
     if diagnosis is None or standing(analysis).errors != "verdict":
         return judged
     return diagnosis.steps[-1]
+
+
+def worst_joint(result: Identification | None) -> int:
+    """The joint with the largest error; the first one without a result."""
+    return 0 if result is None else stated_errors(result.residual, result.residual.torque_spread).order[0]
 
 
 def stated_error(
@@ -74,13 +81,40 @@ def status_html(step: str, message: str, error: str, tone: str = "", hover: str 
     parts = [_unbroken(escape(part)) for part in (f"Step {step}", message) if part]
     if error:
         tip = f' title="{escape(hover)}" class="fv-tip"' if hover else ""
-        parts.append(f"<b{tip}>{_unbroken(escape(error))}</b>")
+        parts.append(f"<b{tip}>{counted(_unbroken(escape(error)), 'error')}</b>")
     return f'<div class="fv fv-status {tone}">{"&nbsp;· ".join(parts)}</div>'
 
 
 def _unbroken(text: str) -> str:
     """Numbers stay on one line with their units."""
     return re.sub(r"\(?\d[\d.]* (?:s|m?Nm|%|×(?: noise floor)?)(?!\w)\)?", r"<span>\g<0></span>", text)
+
+
+def counted(text: str, name: str) -> str:
+    """A text (HTML) whose first number counts down on the page when an effect is added (`fall.js`)."""
+    return re.sub(r"\d[\d.]*", rf'<span data-fv-count="{name}">\g<0></span>', text, count=1)
+
+
+def wrong_html(
+    analysis: Analysis,
+    errors: PredictionErrors | DiagnosisStep | None,
+    joints: Sequence[str],
+    spread: Sequence[float],
+) -> str:
+    """How wrong a fitted model is before anyone has looked why; "" if it is near the noise or unknown."""
+    now = standing(analysis)
+    if errors is None or now.fit != "present" or now.verdict != "none":
+        return ""
+    found = stated_errors(errors, spread)
+    worst = found.order[0]
+    if found.unit == TIMES and found.values[worst] < LEAST_END:
+        return ""
+    share = found.shares[worst]
+    error = f"{number(share, 2)} %" if math.isfinite(share) else quantity(found.rms[worst], "Nm")
+    return (
+        f'<div class="fv fv-wrong" title="rms residual by the torque of that joint">This arm\'s model is '
+        f"wrong by {error} on {escape(joints[worst])}. Find out why.</div>"
+    )
 
 
 @dataclass(frozen=True)

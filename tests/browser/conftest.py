@@ -12,7 +12,16 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SPARE_FRAMES, close_notices, picture, tab
+from tests.browser.page import (
+    CHROMIUM,
+    EXAMPLE_SET,
+    FLAGS,
+    PLAIN_SCENE,
+    SPARE_FRAMES,
+    close_notices,
+    picture,
+    tab,
+)
 
 PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
 
@@ -117,7 +126,7 @@ def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callabl
 @pytest.fixture(scope="module")
 def address(serve: Callable[..., str]) -> str:
     """A server that the tests of a file share; they leave to each other what they do there."""
-    return serve()
+    return serve(EXAMPLE_SET)
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.app import DEMO
+from flexviz.resources import sessions_dir
+
 FLAGS = [
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
@@ -62,6 +65,7 @@ FRAMES = "() => new Promise(seen => requestAnimationFrame(() => requestAnimation
 # the same places as install_chromium.sh; None: Playwright's own
 NAMES = (os.environ.get("FLEXVIZ_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
+EXAMPLE_SET = str(sessions_dir() / DEMO)  # opened as any set: without a model
 SOON = 20.0  # [s] in which what was just asked for is on the page of a busy machine
 
 

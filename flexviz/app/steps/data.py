@@ -136,6 +136,7 @@ class UnsavedWork:
         self._text.visible = self._button.visible = self._found is not None
         if self._found is not None:
             when = self._found.when.astimezone()
+            store.go(DataStep.title)  # where it is offered
             self._text.content = warning(f"Work of {when:%Y-%m-%d %H:%M} on this set was never saved.")
 
     def _keep_at_once(self) -> None:

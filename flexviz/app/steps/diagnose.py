@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from flexviz.app.page import SHIFT, dim, off
+from flexviz.app.page import SHIFT, dim, off, put
 from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.deciding import DecidingMotion
 from flexviz.app.steps.findings import FindingEntry, ModelList
@@ -16,7 +16,15 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
-from flexviz.view import free_chart, free_html, heading_html, so_far_html, trace_html, verdict_html
+from flexviz.view import (
+    free_chart,
+    free_html,
+    heading_html,
+    so_far_html,
+    trace_html,
+    verdict_html,
+    wrong_html,
+)
 from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
@@ -32,6 +40,7 @@ class DiagnoseStep(WorkflowStep):
 
     def build(self) -> None:
         page, gui = self.page, self.page.gui
+        self._wrong = gui.add_html("")
         self._find = page.button("Find the missing effect", self._look, color="blue")
         self._why = gui.add_html("")
         self._so_far = gui.add_html("")
@@ -58,6 +67,14 @@ class DiagnoseStep(WorkflowStep):
         self.store.subscribe(Changed.GROUP | Changed.JOINT, self._show_findings, Turn.CONTROLS)
         found = Changed.PROGRESS | Changed.ACTIVITY | Changed.ANALYSIS | Changed.OPENED
         self.store.subscribe(found, self._show_so_far, Turn.CONTROLS)
+        judged = Changed.OPENED | Changed.ANALYSIS | Changed.DERIVED
+        self.store.subscribe(judged, self._show_wrong, Turn.CONTROLS)
+
+    def _show_wrong(self) -> None:
+        """How wrong the model is, before the first look why."""
+        store = self.store
+        joints, spread = store.measurements.joints, store.measurements.torque_spread
+        put(self._wrong, content=wrong_html(store.analysis, store.errors, joints, spread))
 
     def _show_so_far(self) -> None:
         """Show the best model of a search that runs or was stopped."""
