@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ class Progress:
         iteration: the solver's latest step, where a solver runs.
         rest: expected time to the end [s]; None where it is not known.
         so_far: the best model of a search; None until there is one.
+        alone: effect → share of its joint's error that it alone would remove, as far as estimated.
     """
 
     text: str = ""
@@ -82,6 +83,7 @@ class Progress:
     iteration: Iteration | None = None
     rest: float | None = None
     so_far: BestSoFar | None = None
+    alone: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def rest_text(self) -> str:

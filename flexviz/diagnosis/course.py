@@ -87,7 +87,7 @@ class Course:
 
     def tell(self, text: str) -> None:
         if text and self.progress is not None:
-            self.news = replace(self.pace.news(text), so_far=self.news.so_far)
+            self.news = replace(self.pace.news(text), so_far=self.news.so_far, alone=self.news.alone)
             self.progress(self.news)
 
     def fitted(self, fit: Fitted, first_phase: Phases | None = None) -> None:
@@ -131,6 +131,9 @@ class Course:
         self.fitted(bare.fit)
         if view.at_noise(bare):
             return bare
+        for joint in (*range(self.own.n), None) if self.progress else ():
+            self.news = replace(self.news, alone={**self.news.alone, **view.alone(bare, joint)})
+            self.say(stages.SURVEY)
         self.say(stages.USUAL)
         rich = view.pruned(view.rich())
         if view.significant(rich).any() and view.context.set_standstill_apart(rich.fit):

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
+from flexviz.arrays import Array
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import Known, PredictionErrorBand
 from flexviz.equation import Layout
+from flexviz.model import FlexibleModel
 from flexviz.progress import BestSoFar
 from flexviz.wording import MOST_NAMED, by_share, left_text, listed, mean_nrms, percent, text_names
 
 OWN_MODEL = "fitting the set's own model to the noise"
+SURVEY = "estimating what each effect alone would remove"
 USUAL = "fitting all usual effects on all joints"
 FINE = "refining the model in units of the sensors' noise"
 STAIRS = "fitting the models on the way"
@@ -24,6 +30,21 @@ BANDWIDTH = "checking parameters against the observer's bandwidth"
 SHARES = {USUAL: 0.1, FINE: 0.6, STAIRS: 0.75, LOCATION: 0.85, PLACE: 0.9, FREE_CURVE: 0.9, BANDWIDTH: 0.95}
 
 
+@dataclass(frozen=True, eq=False)
+class BestModel(BestSoFar):
+    """The best model so far, to be drawn.
+
+    Attributes:
+        effects: what it adds, "coulomb_friction:joint2".
+        parameters: its values.
+        residuals: group → time (M,) [s] and residual (M, n) [Nm] of each, in the band of `errors`.
+    """
+
+    effects: tuple[str, ...]
+    parameters: FlexibleModel
+    residuals: Mapping[str, tuple[Array, Array]]
+
+
 class Standing:
     """The best model so far, from the set's `own` one on; errors are those of the band."""
 
@@ -33,19 +54,25 @@ class Standing:
         self._own_share: dict[bytes, float] = {}  # its error of the torque, by which samples count
         self._best = np.inf  # its share of the torque
 
-    def news(self, fit: Fitted, first_phase: Phases | None = None) -> BestSoFar | None:
+    def news(self, fit: Fitted, first_phase: Phases | None = None) -> BestModel | None:
         """What is told of a fit, if it is better; `first_phase`, shape (n,): as in `PredictionErrorBand`."""
         added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
         if self._own_fit is not None and not added:
             return None
         errors, spread = self.band.errors(fit, first_phase), self.band.measurements.torque_spread
         rms, share = errors.stated, mean_nrms(errors.stated, spread)
-        told = f"{errors.stated_name} error"
+        told, texts = f"{errors.stated_name} error", tuple(effect.text(self.own.joints) for effect in added)
+        time = self.band.signals.time.astype(np.float32)
+        over_time = {
+            g: (time[at], errors.residual[at].astype(np.float32)) for g, at in self.band.rows.items()
+        }
+        drawn = texts, fit.layout.model(fit.x), over_time
         if self._own_fit is None:
             self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
             only = slice(j := by_share(rms, spread)[0], j + 1)
             worst = left_text(self.own.joints[only], rms[only], spread[only], errors.noise_floor[only])
-            return BestSoFar("", f"{told} of the present model {percent(share)} of the torque; most: {worst}")
+            told += f" of the present model {percent(share)} of the torque; most: {worst}"
+            return BestModel("", told, *drawn)
         if share >= self._best:
             return None
         self._best = share
@@ -54,7 +81,7 @@ class Standing:
             own = self.band.errors(self._own_fit, first_phase).stated
             self._own_share[counted] = mean_nrms(own, spread)
         before = self._own_share[counted]
-        names = text_names([effect.text(self.own.joints) for effect in added], self.own.joints)
+        names = text_names(texts, self.own.joints)
         more = len(names) - MOST_NAMED
         model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)
-        return BestSoFar(model, f"{told} {percent(before)} → {percent(share)} of the torque")
+        return BestModel(model, f"{told} {percent(before)} → {percent(share)} of the torque", *drawn)
