@@ -17,7 +17,6 @@ from flexviz.app.style import hidden
 from flexviz.app.uplot import ChartColumn
 from flexviz.batch import FleetRow
 from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
-from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.session import runs, standing
@@ -50,7 +49,7 @@ class PlotPanel:
             ChartColumn(page.server, tab)
             for tab in (signals, panel.add_tab("States"), panel.add_tab("Convergence"))
         )
-        self._turn: tuple[int, Diagnosis | None] = (0, None)  # of the tab to the proof of a verdict
+        self._turn: tuple[int, object] = (0, None)  # of the tab to the proof: of what was last shown there
         self._tab = page.gui.add_html(turn_html(0))
         self.residuals = ResidualTab(store, page, panel.add_tab(PROOF))
         compare = panel.add_tab("Compare")
@@ -83,7 +82,7 @@ class PlotPanel:
         panel.set_width(RIGHT_WIDTH)
         self._compared: object = None  # what the staircase shows
         self._stale = False  # some iterations are not drawn yet
-        store.subscribe(Changed.DIAGNOSIS, self._show_proof)
+        store.subscribe(Changed.DIAGNOSIS | Changed.SEARCH, self._show_proof)
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         timed = selected | Changed.SPAN
         store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
@@ -113,13 +112,14 @@ class PlotPanel:
         self._page.send_picture(client, svg, title, f"{chart_name(found)}.png")
 
     def _show_proof(self) -> None:
-        """Turn to the laws of what a new diagnosis has found."""
-        count, before = self._turn
-        diagnosis = self._store.analysis.current_diagnosis
-        if diagnosis is not None and diagnosis is not before and any(one.law for one in diagnosis.findings):
+        """Turn to the first residual of a search, and to the laws of what a new diagnosis has found."""
+        (count, before), diagnosis = self._turn, self._store.analysis.current_diagnosis
+        found = diagnosis is not None and any(one.law for one in diagnosis.findings)
+        shown = self._store.search.first or (diagnosis if found else None)
+        if shown is not None and shown is not before:
             count += 1
             self._tab.content = turn_html(count)
-        self._turn = count, diagnosis
+        self._turn = count, shown
 
     def _draw_states(self) -> None:
         store = self._store
@@ -220,6 +220,7 @@ class ResidualTab:
         store.subscribe(Changed.OPENED, lambda: put(self._variable, value=OFF))
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.SPAN
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
+        store.subscribe(Changed.SEARCH, self._draw_laws)
         store.subscribe(Changed.TICK, self._move)
 
     def _draw(self) -> None:
@@ -237,14 +238,24 @@ class ResidualTab:
             residual = replace(residual, highlights=view.stretches_of(marked.time, marked.marked))
         self._stopgap.content = view.free_html(store.free_curve)
         own = view.model_curve_charts(result.parameters) if result else ()
-        self.laws.show(view.law_charts(store.analysis.current_diagnosis, store.derived.laws, name))
+        self._draw_laws()
         free = view.free_chart(store.free_curve)
         self.charts.show((*own, free, residual, *view.map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 
+    def _draw_laws(self) -> None:
+        """Draw the laws of findings and model; during a search the residual so far and the leader's law."""
+        store, name, search = self._store, self._store.joint_name, self._store.search
+        if search.first is None or search.best is None:
+            self.laws.show(view.law_charts(store.analysis.current_diagnosis, store.derived.laws, name))
+            return
+        where = store.joint, name, store.group.name, store.span
+        self.laws.show(view.search_charts(search.first, search.best, search.law, *where))
+
     def _move(self) -> None:
         self.charts.move(self._store.clock.time)
+        self.laws.move(self._store.clock.time)
 
     def _marked(self) -> Highlight | None:
         key = self._variable.value

@@ -25,6 +25,7 @@ from flexviz.app.state import (
     Highlight,
     Message,
     Opened,
+    Search,
     Tone,
     ViewSettings,
 )
@@ -34,7 +35,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet, require_unchanged
-from flexviz.progress import BestSoFar, Progress, ProgressCallback
+from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import LinkColours, link_colours, offered_curve, progress_text, shown_errors
@@ -73,7 +74,7 @@ class Store(ChangeSignal):
         self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
-        self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
+        self.search = Search()
         self.kept = DerivedResults()
         self._span()
 
@@ -121,14 +122,14 @@ class Store(ChangeSignal):
         self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
     def _go(self, action: str, session: Session, change: Changed) -> None:
-        before, self.session, self.so_far = self.analysis, session, None
+        before, self.session, self.search = self.analysis, session, Search()
         after = self.analysis
         if after.same_as(before):
             return
         self.last_action = action
         if change & Changed.HISTORY:
             self.message = Message(action)
-        change |= Changed.ANALYSIS
+        change |= Changed.ANALYSIS | Changed.SEARCH
         if after.tuning != before.tuning:
             change |= Changed.OBSERVER
         if after.identification is not before.identification:
@@ -297,7 +298,7 @@ class Store(ChangeSignal):
             self.tasks.stop(IdleTask)
             self.fit = fit
             self.tell(Changed.FIT)
-        self.activity, self.so_far = Activity(task, share), None
+        self.activity, self.search = Activity(task, share), Search()
         self.say(begin, "busy")
         self.tasks.start(
             task,
@@ -306,7 +307,7 @@ class Store(ChangeSignal):
             failed=lambda reason: end(lambda: self.fail(reason)),
             stopped=lambda: end(lambda: self.say(stopped)),
         )
-        self.tell(Changed.ACTIVITY)
+        self.tell(Changed.ACTIVITY | Changed.SEARCH)
 
     def report(self, news: Progress) -> None:
         """Show the progress of the activity."""
@@ -316,8 +317,9 @@ class Store(ChangeSignal):
             self.say(progress_text(self.fit.iterations), "busy")
             return
         if self.activity is not None:
-            self.activity, self.so_far = replace(self.activity, share=news.share or 0.0), news.so_far
-            self.tell(Changed.PROGRESS)
+            self.activity, before = replace(self.activity, share=news.share or 0.0), self.search
+            self.search = before.told(news)
+            self.tell(Changed.PROGRESS if self.search is before else Changed.PROGRESS | Changed.SEARCH)
         self.say(", ".join(part for part in (news.text, news.rest_text) if part), "busy")
 
     def stop(self) -> None:

@@ -16,7 +16,16 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
-from flexviz.view import free_chart, free_html, heading_html, so_far_html, trace_html, verdict_html
+from flexviz.view import (
+    alone_html,
+    free_chart,
+    free_html,
+    heading_html,
+    so_far_html,
+    trace_html,
+    verdict_html,
+    worst_joint,
+)
 from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
@@ -35,6 +44,7 @@ class DiagnoseStep(WorkflowStep):
         self._find = page.button("Find the missing effect", self._look, color="blue")
         self._why = gui.add_html("")
         self._so_far = gui.add_html("")
+        self._alone = gui.add_html("")
         self._verdict = gui.add_html("")
         self._stopgap = gui.add_html("")
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
@@ -56,12 +66,17 @@ class DiagnoseStep(WorkflowStep):
         page.command("Add all that is found", self._add_all)
         page.command("Add the free curve of what is left", self._curve_pressed)
         self.store.subscribe(Changed.GROUP | Changed.JOINT, self._show_findings, Turn.CONTROLS)
-        found = Changed.PROGRESS | Changed.ACTIVITY | Changed.ANALYSIS | Changed.OPENED
-        self.store.subscribe(found, self._show_so_far, Turn.CONTROLS)
+        told = Changed.SEARCH | Changed.ACTIVITY | Changed.OPENED
+        self.store.subscribe(told, self._show_so_far, Turn.CONTROLS)
 
     def _show_so_far(self) -> None:
-        """Show the best model of a search that runs or was stopped."""
-        self._so_far.content = so_far_html(self.store.so_far, self.store.running)
+        """Show what a search has told that runs or was stopped; it begins at the worst joint."""
+        store, search = self.store, self.store.search
+        first, best, joints = search.first, search.best, store.measurements.joints
+        if first is not None and first is best and not search.alone:
+            store.select(joint=worst_joint(first, store.measurements.torque_spread))
+        self._so_far.content = so_far_html(best, store.running)
+        self._alone.content = alone_html(search.alone, best.effects if best else (), joints)
 
     def refresh(self) -> None:
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
