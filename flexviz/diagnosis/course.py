@@ -138,12 +138,15 @@ class Course:
         rich = view.pruned(view.rich())
         if view.significant(rich).any() and view.context.set_standstill_apart(rich.fit):
             rich = view.rich()
+        self.say(stages.SEARCH if view.significant(rich).any() else stages.CHECK)
         search, end = self.searched_from(rich)
         if view.significant(end).any():
+            self.say(stages.AGAIN)
             other, there = self.searched_from(view.bare())  # of the samples that count by now
             if gain(end.likelihood, there.likelihood).accepted:
                 search, end = other, there
         self.trace = search.trace
+        self.say(stages.UNKNOWN if view.significant(end).any() else stages.CHECK)
         return view.with_first_movements(view.with_rest_angles(search.run(end)))
 
     def searched_from(self, start: CoarseModel) -> tuple[Search[CoarseModel], CoarseModel]:
