@@ -57,7 +57,9 @@ class Store(ChangeSignal):
         self.saved: Session | None = None  # the session when last saved
         self.last_action = ""  # for a log
         self._changed = 0.0  # last change of the analysis [s, monotonic]
+        self._news, self._said = (Progress(), 0.0), ""  # the latest and when it came [s, monotonic]; its text
         self._begin(opened)
+        self.subscribe(Changed.TICK, self._count_down)
 
     # -- what is open --------------------------------------------------------------------------------
 
@@ -316,6 +318,7 @@ class Store(ChangeSignal):
 
     def report(self, news: Progress) -> None:
         """Show the progress of the activity."""
+        self._news = news, time.monotonic()
         if news.iteration is not None:
             self.fit.iterations.append(news.iteration)
             self.tell(Changed.FIT)
@@ -325,7 +328,16 @@ class Store(ChangeSignal):
             self.activity, before = replace(self.activity, share=news.share or 0.0), self.search
             self.search = before.told(news)
             self.tell(Changed.PROGRESS if self.search is before else Changed.PROGRESS | Changed.SEARCH)
-        self.say(", ".join(part for part in (news.text, news.rest_text) if part), "busy")
+        self._said = told(news)
+        self.say(self._said, "busy")
+
+    def _count_down(self) -> None:
+        """Say the time left while there is no other news."""
+        news, when = self._news
+        text = told(news.later(time.monotonic() - when))
+        if self.running and self.message.text == self._said != text:
+            self._said = text
+            self.say(text, "busy")
 
     def stop(self) -> None:
         """Stop the activity; identification and sweep keep their results so far."""
@@ -353,3 +365,8 @@ class Store(ChangeSignal):
         if self.why_not:
             self.say(f"{what} is off: {self.why_not}", "bad")
         return not self.why_not
+
+
+def told(news: Progress) -> str:
+    """What is being done, and the time left."""
+    return ", ".join(part for part in (news.text, news.rest_text) if part)

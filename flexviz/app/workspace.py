@@ -120,7 +120,8 @@ class RecordSession(Task["Recorded"]):
         from flexviz.recording import record_session  # heavy
 
         file = new_recording(self.measurements.name)
-        return record_session(self.session, self.measurements, file, progress, should_stop, self.runs)
+        runs = dict(self.runs)  # others may come meanwhile
+        return record_session(self.session, self.measurements, file, progress, should_stop, runs)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is told during a diagnosis: its stages, how long they last, and the best model so far."""
+"""The best model so far of a diagnosis that goes on."""
 
 from __future__ import annotations
 
@@ -16,37 +16,14 @@ from flexviz.model import FlexibleModel
 from flexviz.progress import BestSoFar
 from flexviz.wording import MOST_NAMED, by_share, left_text, listed, mean_nrms, percent, text_names
 
-OWN_MODEL = "fitting the set's own model to the noise"
-SURVEY = "estimating what each effect alone would remove"
-USUAL = "fitting all usual effects on all joints"
-SEARCH = "searching what the usual effects leave"
-CHECK = "checking what the usual effects leave"
-AGAIN = "searching once more, from the set's own model"
-UNKNOWN = "looking for unknown laws in what is left"
-FINE = "refining the model in units of the sensors' noise"
-STAIRS = "fitting the models on the way"
-PLACE = "looking for the place of an unknown law"
-FREE_CURVE = "adding a free curve"
-LOCATION = "locating the residual"
-BANDWIDTH = "checking parameters against the observer's bandwidth"
-
-# of the whole that is done when a stage begins
-SHARES = {USUAL: 0.1, FINE: 0.6, STAIRS: 0.75, LOCATION: 0.85, PLACE: 0.9, FREE_CURVE: 0.9, BANDWIDTH: 0.95}
-
 
 @dataclass(frozen=True, eq=False)
 class BestModel(BestSoFar):
-    """The best model so far, to be drawn.
+    """The best model so far, to be drawn: its effects beside the set's own, its values and residuals."""
 
-    Attributes:
-        effects: what it adds, "coulomb_friction:joint2".
-        parameters: its values.
-        residuals: group → time (M,) [s] and residual (M, n) [Nm] of each, in the band of `errors`.
-    """
-
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # as texts
     parameters: FlexibleModel
-    residuals: Mapping[str, tuple[Array, Array]]
+    residuals: Mapping[str, tuple[Array, Array]]  # group → time (M,) [s], residual (M, n) [Nm]
 
 
 class Standing:
@@ -66,10 +43,8 @@ class Standing:
         errors, spread = self.band.errors(fit, first_phase), self.band.measurements.torque_spread
         rms, share = errors.stated, mean_nrms(errors.stated, spread)
         told, texts = f"{errors.stated_name} error", tuple(effect.text(self.own.joints) for effect in added)
-        time = self.band.signals.time.astype(np.float32)
-        over_time = {
-            g: (time[at], errors.residual[at].astype(np.float32)) for g, at in self.band.rows.items()
-        }
+        time, residual = np.float32(self.band.signals.time), np.float32(errors.residual)
+        over_time = {group: (time[at], residual[at]) for group, at in self.band.rows.items()}
         drawn = texts, fit.layout.model(fit.x), over_time
         if self._own_fit is None:
             self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
@@ -84,8 +59,9 @@ class Standing:
         if counted not in self._own_share:
             own = self.band.errors(self._own_fit, first_phase).stated
             self._own_share[counted] = mean_nrms(own, spread)
-        before = self._own_share[counted]
         names = text_names(texts, self.own.joints)
         more = len(names) - MOST_NAMED
         model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)
-        return BestModel(model, f"{told} {percent(before)} → {percent(share)} of the torque", *drawn)
+        return BestModel(
+            model, f"{told} {percent(self._own_share[counted])} → {percent(share)} of the torque", *drawn
+        )

@@ -141,10 +141,7 @@ class Files:
         if known is not None and known[1] is store.analysis and known[0].is_file():
             act(known[0])
             return
-        of, task = (
-            store.analysis,
-            RecordSession(store.session, store.measurements, dict(store.derived.replays)),
-        )
+        of, task = store.analysis, RecordSession(store.session, store.measurements, store.derived.replays)
 
         def recorded(made: Recorded) -> None:
             if not made.complete:
@@ -153,7 +150,6 @@ class Files:
             self._take_recording(made, of)
             act(made.file)
 
-        task = RecordSession(store.session, store.measurements, runs)
         self._start("recording the session", task, recorded)
 
     def _take_recording(self, made: Recorded, of: Analysis) -> None:
