@@ -105,6 +105,11 @@ class Progress:
         unit = most.partition(" ")[2]
         return f"{least.removesuffix(f' {unit}')} to {most} left"
 
+    @property
+    def line(self) -> str:
+        """What is being done, and the time left."""
+        return ", ".join(part for part in (self.text, self.rest_text) if part)
+
     def later(self, waited: float) -> Progress:
         """The same after a time without news [s]."""
         if self.rest is None:
@@ -154,7 +159,8 @@ class Pace:
         elapsed = self._clock() - self._began
         if text in self._known:
             least, most, self._end = self._known[text]
-            self._whole = elapsed / most, elapsed / least
+            low, high = max(self._whole[0], elapsed / most), min(self._whole[1], elapsed / least)
+            self._whole = (low, high) if low < high else (elapsed / most, elapsed / least)
         low = max(self._whole[0], elapsed / self._end)
         high = max(self._whole[1], low)
         if not 0.0 < high < math.inf:

@@ -23,6 +23,7 @@ from flexviz.app.state import Changed, Opened
 from flexviz.app.steps import STEPS
 from flexviz.app.store import Store
 from flexviz.app.tasks import WARM
+from flexviz.app.time_left import TimeLeft
 from flexviz.batch import FleetRow
 from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import LoadModules
@@ -46,6 +47,7 @@ class Application:
         self.legend = LegendPanel(self.store, self.page)
         self.playback_panel = PlaybackPanel(self.store, self.page)
         self.idle = IdleWork(self.store)
+        self.time_left = TimeLeft(self.store)
         self._stopped = threading.Event()
         self._ticked = 0.0
         self.store.tell(Changed.OPENED)

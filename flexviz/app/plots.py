@@ -236,10 +236,11 @@ class ResidualTab:
         self._range.visible = marked is not None
         if marked is not None and residual.series:
             residual = replace(residual, highlights=view.stretches_of(marked.time, marked.marked))
-        self._stopgap.content = view.free_html(store.free_curve)
+        curve = view.offered_curve(store.analysis.current_diagnosis)
+        self._stopgap.content = view.free_html(curve)
         own = view.model_curve_charts(result.parameters) if result else ()
         self._draw_laws()
-        free = view.free_chart(store.free_curve)
+        free = view.free_chart(curve)
         self.charts.show((*own, free, residual, *view.map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)

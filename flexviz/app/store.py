@@ -30,7 +30,7 @@ from flexviz.app.state import (
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, SetTask, open_set
-from flexviz.diagnosis import FreeCurve, PredictionErrors, ResidualMap
+from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
 from flexviz.jobs import InThread, Result, Task
@@ -38,7 +38,7 @@ from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
-from flexviz.view import LinkColours, link_colours, offered_curve, progress_text, shown_errors
+from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
@@ -57,9 +57,8 @@ class Store(ChangeSignal):
         self.saved: Session | None = None  # the session when last saved
         self.last_action = ""  # for a log
         self._changed = 0.0  # last change of the analysis [s, monotonic]
-        self._news, self._said = (Progress(), 0.0), ""  # the latest and when it came [s, monotonic]; its text
+        self.news = Progress()  # of the activity, the latest
         self._begin(opened)
-        self.subscribe(Changed.TICK, self._count_down)
 
     # -- what is open --------------------------------------------------------------------------------
 
@@ -204,11 +203,6 @@ class Store(ChangeSignal):
         spread, group = self.measurements.torque_spread, self.group.name
         return link_colours(errors, group, spread, [one for one in earlier if one is not None])
 
-    @property
-    def free_curve(self) -> FreeCurve | None:
-        """The free curve that the diagnosis offers, if any."""
-        return offered_curve(self.analysis.current_diagnosis)
-
     # -- what is shown -------------------------------------------------------------------------------
 
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
@@ -283,12 +277,8 @@ class Store(ChangeSignal):
         the initial progress; `fit` collects the iterations of a fit, which stops idle work. InputError if a
         `SetTask` is to read files of the set that have changed.
         """
-
-        def check() -> None:
-            if isinstance(task, SetTask):
-                require_unchanged(self.measurements)
-
-        check()
+        if isinstance(task, SetTask):
+            require_unchanged(self.measurements)
 
         def end(act: Callable[[], None]) -> None:
             self.activity = None
@@ -298,7 +288,8 @@ class Store(ChangeSignal):
                 self.tell(Changed.ACTIVITY)
 
         def finish(result: Result) -> None:
-            check()
+            if isinstance(task, SetTask):
+                require_unchanged(self.measurements)
             done(result)
 
         if fit is not None:
@@ -318,7 +309,6 @@ class Store(ChangeSignal):
 
     def report(self, news: Progress) -> None:
         """Show the progress of the activity."""
-        self._news = news, time.monotonic()
         if news.iteration is not None:
             self.fit.iterations.append(news.iteration)
             self.tell(Changed.FIT)
@@ -326,18 +316,9 @@ class Store(ChangeSignal):
             return
         if self.activity is not None:
             self.activity, before = replace(self.activity, share=news.share or 0.0), self.search
-            self.search = before.told(news)
+            self.news, self.search = news, before.told(news)
             self.tell(Changed.PROGRESS if self.search is before else Changed.PROGRESS | Changed.SEARCH)
-        self._said = told(news)
-        self.say(self._said, "busy")
-
-    def _count_down(self) -> None:
-        """Say the time left while there is no other news."""
-        news, when = self._news
-        text = told(news.later(time.monotonic() - when))
-        if self.running and self.message.text == self._said != text:
-            self._said = text
-            self.say(text, "busy")
+        self.say(news.line, "busy")
 
     def stop(self) -> None:
         """Stop the activity; identification and sweep keep their results so far."""
@@ -365,8 +346,3 @@ class Store(ChangeSignal):
         if self.why_not:
             self.say(f"{what} is off: {self.why_not}", "bad")
         return not self.why_not
-
-
-def told(news: Progress) -> str:
-    """What is being done, and the time left."""
-    return ", ".join(part for part in (news.text, news.rest_text) if part)

@@ -21,6 +21,7 @@ from flexviz.view import (
     free_chart,
     free_html,
     heading_html,
+    offered_curve,
     so_far_html,
     trace_html,
     verdict_html,
@@ -88,7 +89,8 @@ class DiagnoseStep(WorkflowStep):
         self._verdict.content = verdict_html(
             analysis.diagnosis, analysis.diagnosis_up_to_date, joints, spread
         )
-        current, curve = analysis.current_diagnosis, store.free_curve
+        current = analysis.current_diagnosis
+        curve = offered_curve(current)
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
         self._curve.show((free_chart(curve, height=HEIGHT),))
