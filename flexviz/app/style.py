@@ -74,6 +74,10 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-multiple span { overflow: hidden; text-overflow: ellipsis; }
 .fv-multiple svg { display: block; width: 100%; height: 36px; }
 .fv-poles { display: block; width: 100%; }
+.fv-alone td:first-child { max-width: 10.5em; overflow: hidden; text-overflow: ellipsis; white-space: nowrap;
+  text-align: left; }
+.fv-alone td, .fv-alone th { padding-left: 2px; padding-right: 2px; }
+.fv-tall th { writing-mode: vertical-rl; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .fv-fleet { max-height: 36vh; overflow-y: auto; margin-top: 0.3em; }

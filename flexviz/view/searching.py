@@ -12,10 +12,11 @@ from flexviz.diagnosis import BestModel
 from flexviz.laws import LawThroughData
 from flexviz.view.law_charts import law_chart
 from flexviz.view.residuals import BRIGHT_SHARE
-from flexviz.wording import effect_text_name, effect_title, escape, short_names
+from flexviz.wording import effect_text_name, effect_title, escape, plural, short_names
 
 MOST_ROWS = 10  # of the matrix
 SMALLEST = 0.005  # share of the error below which an effect has no row
+SHORT_HEAD = 3  # characters of the head of a column that is not set upright
 HEIGHT = 200  # [px] of the residual
 MARGIN = 1.05  # times the first residual: end of the axis
 NOW, FIRST = "with the leading candidate", "the model so far"
@@ -48,19 +49,31 @@ def alone_html(alone: Mapping[str, float], leading: Sequence[str], joints: Seque
             for joint in joints
         )
 
-    head = "".join(f"<th>{escape(short)}</th>" for short in short_names(tuple(joints)))
-    body = "".join(
-        f"<tr><td>{escape(effect_text_name(row) if '' in places[row] else effect_title(row))}</td>"
-        f"{cells(row)}</tr>"
-        for row in shown
+    def line(row: str) -> str:
+        name = escape(effect_text_name(row) if "" in places[row] else effect_title(row))
+        return f'<tr><td title="{name}">{name}</td>{cells(row)}</tr>'
+
+    heads = _heads(tuple(joints))
+    head = "".join(
+        f'<th title="{escape(joint)}">{escape(short)}</th>'
+        for joint, short in zip(joints, heads, strict=True)
     )
+    tall = " fv-tall" if max(map(len, heads)) > SHORT_HEAD else ""
     left = len(places) - len(shown)
-    more = f" {left} more effects would remove less." if left else ""
+    more = f" {plural(left, 'more effect')} would remove less." if left else ""
     return (
-        '<div class="fv"><b>What each effect alone would remove, in per cent of the joint\'s error</b>'
-        f'<table class="fv-table fv-heat fv-alone"><tr><th></th>{head}</tr>{body}</table>'
+        '<div class="fv"><b>What each effect alone would remove of its joint\'s error [%]</b>'
+        f'<table class="fv-table fv-heat fv-alone{tall}"><tr><th></th>{head}</tr>'
+        f"{''.join(map(line, shown))}</table>"
         f'<div class="fv-dim">Estimated. ✓: in the leading candidate.{more}</div></div>'
     )
+
+
+def _heads(joints: tuple[str, ...]) -> list[str]:
+    """Numbers of the joints if their names differ in nothing else, otherwise short names."""
+    stems = [joint.rstrip("0123456789") for joint in joints]
+    numbers = [joint.removeprefix(stem) for joint, stem in zip(joints, stems, strict=True)]
+    return numbers if len(set(stems)) == 1 and all(numbers) else short_names(joints)
 
 
 def _cell(share: float | None, name: str, leading: bool, columns: int = 1) -> str:

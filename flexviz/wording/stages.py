@@ -25,12 +25,12 @@ class SearchStage(StrEnum):
 
 
 STAGE_SHARES: dict[str, tuple[float, float, float]] = {
-    SearchStage.CHECK: (0.08, 0.36, 0.55),
+    SearchStage.CHECK: (0.06, 0.5, 0.65),
     SearchStage.SEARCH: (0.07, 0.25, 0.55),
     SearchStage.AGAIN: (0.19, 0.52, 0.74),
-    SearchStage.FOUND: (0.24, 0.5, 0.58),
+    SearchStage.FOUND: (0.24, 0.6, 0.65),
     SearchStage.UNKNOWN: (0.36, 0.74, 0.9),
-    SearchStage.FINE: (0.4, 0.58, 0.9),
+    SearchStage.FINE: (0.4, 0.63, 0.9),
     SearchStage.STAIRS: (0.67, 0.9, 0.98),
     SearchStage.LOCATION: (0.84, 0.98, 1.0),
     SearchStage.PLACE: (0.84, 0.98, 1.0),

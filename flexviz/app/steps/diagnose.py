@@ -77,6 +77,7 @@ class DiagnoseStep(WorkflowStep):
         if first is not None and first is best and not search.alone:
             store.select(joint=worst_joint(first, store.measurements.torque_spread))
         self._so_far.content = so_far_html(best, store.running)
+        self._verdict.visible = best is None
         self._alone.content = alone_html(search.alone, best.effects if best else (), joints)
 
     def refresh(self) -> None:
