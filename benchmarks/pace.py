@@ -53,9 +53,8 @@ def main() -> None:
         print(f"{folder.name}: {whole:.0f} s")
         for text, share in shares.items():
             low, high, _ = STAGE_SHARES[text]
-            print(
-                f"  {share:4.0%} {text}{'' if low <= share <= high else f', expected {low:.0%} to {high:.0%}'}"
-            )
+            unusual = "" if low <= share <= high else f", expected {low:.0%} to {high:.0%}"
+            print(f"  {share:4.0%} {text}{unusual}")
         now = 0.0
         pace = Pace(STAGE_SHARES, clock=lambda: now)  # noqa: B023, called at once
         for at, text in news:

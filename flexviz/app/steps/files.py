@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,8 @@ from flexviz.wording import escape
 if TYPE_CHECKING:
     from flexviz.recording import Recorded
 
-VIEWER = "127.0.0.1:9876"  # default of a viewer started with `rerun`
+VIEWER = "127.0.0.1:9876"  # default of a viewer that is started by hand
+START_VIEWER = f"{sys.executable} -m rerun --port 9876"
 
 
 class Files:
@@ -40,10 +42,10 @@ class Files:
         hint = "with its measurement set, as one zip file"
         download = page.client_button("Download session", self._download, hint=hint)
         self._report = page.client_button("Report", self._write_report)
-        hint = "a Rerun file with the measured signals, all results and what is simulated by now"
-        fetch = page.client_button("Download recording", self._send_recording, hint=hint)
         hint = "records the session as it is now, and shows it in Rerun's viewer in a new tab"
         show = page.client_button("Open in Rerun", self._open_recording, hint=hint)
+        hint = "a Rerun file with the measured signals, all results and what is simulated by now"
+        page.client_button("Download recording", self._send_recording, hint=hint)
         hint = "records the analysis live in a Rerun file in ./sessions"
         self._record = page.checkbox("Record", False, partial(self._switch, "file"), hint=hint)
         hint = "sends the same to a Rerun viewer on this machine"
@@ -54,7 +56,7 @@ class Files:
         for box in (self._record, self._live):
             page.style(half, box)
         page.row((save, download))
-        page.row((self._report, fetch, show))
+        page.row((self._report, show))
         page.command("Save the session", self._save)
         page.client_command("Send the session as a zip", self._download)
         page.client_command("Send a report", self._write_report)
@@ -79,7 +81,7 @@ class Files:
         why = "no results yet; press Find the missing effect (step 4) or Run (step 3) first"
         off(self._report, why if nothing else "", "all results as one self-contained HTML file")
         why = "switch Live viewer off first" if self._live.value else ""
-        off(self._address, why, "where the viewer listens; start one with: rerun --port 9876")
+        off(self._address, why, f"where the viewer listens; start one with: {START_VIEWER}")
 
     def _tick(self) -> None:
         if size := self.recordings.size():
