@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 SHORT = 5.0  # [s]
 CLOSE = 1.5  # ratio of two times that are said as one
+VAGUE = 6.0  # ratio of two times of which only the smaller is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ class Progress:
 
     @property
     def rest_text(self) -> str:
-        """ "about 40 s left", or "20 s to 2 min left" where it is not known that well; empty if not known."""
+        """ "about 40 s left", "20 s to 2 min left" or "at least 20 s left" as it is known; else empty."""
         if self.rest is None:
             return ""
         low, high = self.rest
@@ -102,6 +103,8 @@ class Progress:
         least, most = _time_text(low), _time_text(high)
         if low < SHORT or least == most:
             return f"up to {most} left"
+        if high > VAGUE * low:
+            return f"at least {least} left"
         unit = most.partition(" ")[2]
         return f"{least.removesuffix(f' {unit}')} to {most} left"
 

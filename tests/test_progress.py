@@ -50,6 +50,7 @@ def test_the_share_never_falls_and_the_end_is_known_only_at_the_end() -> None:
         ((40.0, 170.0), "40 s to 3 min left"),
         ((130.0, 250.0), "2 to 4 min left"),
         ((0.0, 40.0), "up to 40 s left"),
+        ((20.0, 300.0), "at least 20 s left"),
     ],
 )
 def test_the_rest_in_words(rest: tuple[float, float] | None, text: str) -> None:

@@ -69,7 +69,7 @@ class SearchNews(Progress):
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class SearchSoFar:
     """What a search for the missing effect has told that runs or was stopped.
 
     Attributes:
@@ -83,7 +83,7 @@ class Search:
     alone: Mapping[str, float] = field(default_factory=dict)
     law: LawThroughData | None = None
 
-    def told(self, news: Progress) -> Search:
+    def told(self, news: Progress) -> SearchSoFar:
         """With news; the same object if nothing is new."""
         best = news.so_far if isinstance(news.so_far, BestModel) else None
         law = news.law if isinstance(news, SearchNews) else None
@@ -92,7 +92,7 @@ class Search:
         known = self.best is not None and best.stopped == self.best.stopped
         if known and len(news.alone) == len(self.alone):
             return self
-        return Search(self.first or best, best, news.alone, law)
+        return SearchSoFar(self.first or best, best, news.alone, law)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from flexviz.app.state import (
     Highlight,
     Message,
     Opened,
-    Search,
+    SearchSoFar,
     Tone,
     ViewSettings,
 )
@@ -75,7 +75,7 @@ class Store(ChangeSignal):
         self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
-        self.search = Search()
+        self.search = SearchSoFar()
         self.kept = DerivedResults()
         self._span()
 
@@ -123,7 +123,7 @@ class Store(ChangeSignal):
         self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
     def _go(self, action: str, session: Session, change: Changed) -> None:
-        before, self.session, self.search = self.analysis, session, Search()
+        before, self.session, self.search = self.analysis, session, SearchSoFar()
         after = self.analysis
         if after.same_as(before):
             return
@@ -294,7 +294,7 @@ class Store(ChangeSignal):
 
         if fit is not None:
             self.tasks.stop(IdleTask)
-            self.fit, self.search = fit, Search()
+            self.fit, self.search = fit, SearchSoFar()
             self.tell(Changed.FIT)
         self.activity = Activity(task, share)
         self.say(begin, "busy")
