@@ -7,14 +7,19 @@ or raises `Cancelled` where it has none.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+SHORT = 5.0  # [s]
+CLOSE = 1.5  # ratio of two times that are said as one
+VAGUE = 6.0  # ratio of two times of which only the smaller is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,24 +78,52 @@ class Progress:
         text: what is being done.
         share: how much of it is done, 0 … 1; None where the end is not known.
         iteration: the solver's latest step, where a solver runs.
-        rest: expected time to the end [s]; None where it is not known.
+        rest: expected time to the end [s], at least and at most; None where it is not known.
         so_far: the best model of a search; None until there is one.
+        alone: effect → share of its joint's error that it alone would remove, as far as estimated.
     """
 
     text: str = ""
     share: float | None = None
     iteration: Iteration | None = None
-    rest: float | None = None
+    rest: tuple[float, float] | None = None
     so_far: BestSoFar | None = None
+    alone: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def rest_text(self) -> str:
-        """ "about 40 s left"; empty if not known."""
+        """ "about 40 s left", "20 s to 2 min left" or "at least 20 s left" as it is known; else empty."""
         if self.rest is None:
             return ""
-        if self.rest >= 90:
-            return f"about {self.rest / 60:.0f} min left"
-        return f"about {max(5 * round(self.rest / 5), 5)} s left" if self.rest > 5 else "a few seconds left"
+        low, high = self.rest
+        if high <= SHORT:
+            return "a few seconds left"
+        if high <= CLOSE * low:
+            return f"about {_time_text(math.sqrt(low * high))} left"
+        least, most = _time_text(low), _time_text(high)
+        if low < SHORT or least == most:
+            return f"up to {most} left"
+        if high > VAGUE * low:
+            return f"at least {least} left"
+        unit = most.partition(" ")[2]
+        return f"{least.removesuffix(f' {unit}')} to {most} left"
+
+    @property
+    def line(self) -> str:
+        """What is being done, and the time left."""
+        return ", ".join(part for part in (self.text, self.rest_text) if part)
+
+    def later(self, waited: float) -> Progress:
+        """The same after a time without news [s]."""
+        if self.rest is None:
+            return self
+        low, high = self.rest
+        return replace(self, rest=(max(low - waited, 0.0), max(high - waited, 0.0)))
+
+
+def _time_text(seconds: float) -> str:
+    """A time in full minutes, or below 90 s in steps of 5 s."""
+    return f"{seconds / 60:.0f} min" if seconds >= 90 else f"{max(5 * round(seconds / 5), 5)} s"
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -109,42 +142,34 @@ def never() -> bool:
 class Pace:
     """Progress of a computation whose number of stages is unknown, from the time that it takes.
 
-    No duration is expected until the first stage has ended, then a multiple of that stage. The share never
-    falls.
+    From earlier runs it is known which share is done when a stage begins, and when it ends: the time since
+    the start bounds the whole. Before the first such stage nothing is expected. The share never falls.
 
     Args:
-        first: duration of the whole relative to the first stage.
-        least: time that is expected to the end at any stage, relative to the longest stage so far.
-        known: text of a stage -> share that is done when it begins.
+        known: text of a stage → share that is done when it begins, at least and at most, and at most when it
+            ends. Other texts are news within a stage.
         clock: the time [s].
     """
 
     def __init__(
-        self,
-        first: float,
-        least: float,
-        known: Mapping[str, float],
-        clock: Callable[[], float] = time.monotonic,
+        self, known: Mapping[str, tuple[float, float, float]], clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._total, self._first, self._least, self._known, self._clock = 0.0, first, least, known, clock
-        self._began, self._share, self._stages = clock(), 0.0, 0
-        self._last, self._longest = 0.0, 0.0  # [s] beginning of the latest stage, and the longest one
+        self._known, self._clock, self._began = known, clock, clock()
+        self._whole, self._end, self._share = (0.0, math.inf), 1.0, 0.0  # whole: bounds [s]
 
     def news(self, text: str) -> Progress:
-        """A stage begins."""
+        """What is being done from now on."""
         elapsed = self._clock() - self._began
-        self._stages += 1
-        if self._stages > 1:
-            self._longest = max(self._longest, elapsed - self._last)
-        if self._stages == 2:
-            self._total = self._first * self._longest
-        self._last = elapsed
         if text in self._known:
-            self._total = elapsed / self._known[text]
-        elif self._stages > 1:
-            self._total = max(self._total, elapsed + self._least * self._longest)
-        self._share = max(self._share, min(elapsed / self._total, 1.0)) if self._total > 0 else 0.0
-        return Progress(text, self._share, rest=self._total - elapsed if self._total > elapsed else None)
+            least, most, self._end = self._known[text]
+            low, high = max(self._whole[0], elapsed / most), min(self._whole[1], elapsed / least)
+            self._whole = (low, high) if low < high else (elapsed / most, elapsed / least)
+        low = max(self._whole[0], elapsed / self._end)
+        high = max(self._whole[1], low)
+        if not 0.0 < high < math.inf:
+            return Progress(text, self._share)
+        self._share = max(self._share, min(elapsed / math.sqrt(low * high), 1.0))
+        return Progress(text, self._share, rest=(low - elapsed, high - elapsed))
 
     def done(self) -> Progress:
         """The end, with the time it took."""

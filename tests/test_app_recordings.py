@@ -10,9 +10,12 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import urlopen
 
 import pytest
 
@@ -24,7 +27,7 @@ from flexviz.app.steps.files import Files
 from flexviz.app.workspace import output_dir
 from flexviz.errors import InputError
 from flexviz.recording import check_recording
-from tests.app_running import BROWSER, PATIENCE, finish, running, status, until, use, wait
+from tests.app_running import BROWSER, PATIENCE, control, finish, running, status, until, use, wait
 from tests.small_set import write_small_set
 
 
@@ -41,7 +44,6 @@ def files_of(app: Application) -> Files:
 
 def test_a_recording_grows_with_the_session(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
     files = files_of(app)
-    assert files._fetch.disabled and "switch Record on" in str(files._fetch.hint)
     use(app, "Run")
     wait(app)
     use(app, "Record", True)  # what is known by then is in it
@@ -59,14 +61,60 @@ def test_a_recording_grows_with_the_session(app: Application, monkeypatch: pytes
     assert any(entity.startswith("/results/2/optimiser/") for entity in entities)
     assert app.store.session.recordings == (file,)
 
-    sent: list[tuple[str, bytes]] = []
-    client = SimpleNamespace(
-        send_file_download=lambda name, content, **_: sent.append((name, content)),
-        add_notification=lambda *_, **__: None,
-    )
-    monkeypatch.setattr(app.page.server, "get_clients", lambda: {BROWSER: client})
+    browser = Browser(app, monkeypatch)
     use(app, "Download recording")
-    assert sent == [(file.name, file.read_bytes())]
+    assert browser.files == [(file.name, file.read_bytes())]  # the session has not changed since
+
+
+def test_a_recording_of_the_session_at_any_time(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
+    files, browser = files_of(app), Browser(app, monkeypatch)
+    use(app, "Torque offset", control(app, "Torque offset").value is False)
+    use(app, "Run")
+    wait(app)
+    use(app, "Download recording")
+    until(app, lambda: browser.files)
+    name, content = browser.files[0]
+    assert (
+        output_dir() / name
+    ).read_bytes() == content and f"Recorded in ./sessions/{name}" in files._note.content
+    entities = set(check_recording(output_dir() / name).entities)
+    assert {"/results/1/about", "/results/2/about", "/log"} <= entities  # all results of the history
+
+    use(app, "Open in Rerun")  # the session has not changed: the same file
+    until(app, lambda: "Rerun shows" in status(app))
+    assert f"{name} in Rerun</a>" in files._note.content and name in status(app)
+    address = re.search(r"window\.open\(&quot;(http://127\.0\.0\.1:\d+/\S+?)&quot;", browser.elements[-1])
+    assert address is not None
+    (recording,) = parse_qs(urlsplit(unescape(address[1])).query)["url"]
+    with urlopen(recording) as answer:
+        assert answer.read() == content
+
+    before = set(output_dir().glob("*.rrd"))
+    use(app, "Undo")
+    use(app, "Open in Rerun")
+    until(app, lambda: len(set(output_dir().glob("*.rrd")) - before) == 1 and not app.store.running)
+    with pytest.raises(OSError):  # the viewer shows the new one alone
+        urlopen(recording)
+
+
+class Browser:
+    """A browser that keeps what it is sent: files (name, content), and elements that act on its page."""
+
+    def __init__(self, app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.files: list[tuple[str, bytes]] = []
+        self.elements: list[str] = []
+        self.gui, self.camera = SimpleNamespace(add_html=self.add_html), SimpleNamespace(position=1.0)
+        monkeypatch.setattr(app.page.server, "get_clients", lambda: {BROWSER: self})
+
+    def send_file_download(self, name: str, content: bytes, **_: Any) -> None:
+        self.files.append((name, content))
+
+    def add_html(self, html: str) -> Any:
+        self.elements.append(html)
+        return SimpleNamespace(remove=lambda: None)
+
+    def add_notification(self, *_: Any, **__: Any) -> None:
+        pass
 
 
 def test_a_viewer_that_is_not_there_is_said_and_leaves_the_app_usable(app: Application) -> None:

@@ -25,6 +25,7 @@ from flexviz.app.steps import STEPS
 from flexviz.app.store import Store
 from flexviz.app.tab_turns import TabTurns
 from flexviz.app.tasks import WARM
+from flexviz.app.time_left import TimeLeft
 from flexviz.batch import FleetRow
 from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import LoadModules
@@ -51,6 +52,7 @@ class Application:
         self.legend = LegendPanel(self.store, self.page)
         self.playback_panel = PlaybackPanel(self.store, self.page)
         self.idle = IdleWork(self.store)
+        self.time_left = TimeLeft(self.store)
         self._stopped = threading.Event()
         self._ticked = 0.0
         self.store.tell(Changed.OPENED)

@@ -15,7 +15,7 @@ import viser
 
 from flexviz.app.events import Event, EventQueue
 from flexviz.app.layout import LAYOUT
-from flexviz.app.page_script import picture
+from flexviz.app.page_script import new_tab, picture
 from flexviz.app.style import CSS, Tooltips, in_row
 
 SETTLE = 0.06  # [s] delay of a command, in which a control may claim its key press
@@ -84,7 +84,7 @@ class Page:
         self.commands = Commands(server, queue)
         self.tooltips = Tooltips()
         self.rules = [CSS, LAYOUT]
-        self._pictures: dict[int, Any] = {}  # browser -> the last one sent
+        self._sent: dict[int, Any] = {}  # browser -> the last element that acted there
 
     def watch(self, handle: Any, action: Callable[[Any], None] = lambda _: None) -> Any:
         """Call `action(value)` when a browser changes this control."""
@@ -177,11 +177,18 @@ class Page:
 
     def send_picture(self, client: int, svg: str, title: str, file: str) -> None:
         """Let a browser draw an SVG and save it as PNG `file`."""
+        self._send_element(client, picture(svg, title, file))
+
+    def open_tab(self, client: int, address: str) -> None:
+        """Let a browser open an address in a new tab; it may refuse."""
+        self._send_element(client, new_tab(address))
+
+    def _send_element(self, client: int, html: str) -> None:
         handle = self.server.get_clients().get(client)
         if handle is not None:
-            if client in self._pictures:
-                self._pictures[client].remove()
-            self._pictures[client] = handle.gui.add_html(picture(svg, title, file))
+            if client in self._sent:
+                self._sent[client].remove()
+            self._sent[client] = handle.gui.add_html(html)
 
     def send_file(self, client: int, name: str, content: bytes) -> None:
         """Send a file to a browser, if it is still connected."""

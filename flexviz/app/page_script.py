@@ -55,6 +55,12 @@ def page_script() -> str:
     return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'
 
 
+def new_tab(address: str) -> str:
+    """An element (HTML) that opens this address in a tab of its own."""
+    text = f"window.open({json.dumps(address)}, '_blank', 'noopener')"
+    return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'
+
+
 def picture(svg: str, title: str, file: str) -> str:
     """An SVG as an element (HTML) that the browser draws under its title and saves as PNG `file`."""
     data = base64.b64encode(svg.encode()).decode()

@@ -222,6 +222,7 @@ class ResidualTab:
         store.subscribe(Changed.OPENED, lambda: put(self._variable, value=OFF))
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.SPAN
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
+        store.subscribe(Changed.SEARCH, self._draw_laws)
         store.subscribe(Changed.TICK, self._move)
 
     def _draw(self) -> None:
@@ -237,16 +238,27 @@ class ResidualTab:
         self._range.visible = marked is not None
         if marked is not None and residual.series:
             residual = replace(residual, highlights=view.stretches_of(marked.time, marked.marked))
-        self._stopgap.content = view.free_html(store.free_curve)
+        curve = view.offered_curve(store.analysis.current_diagnosis)
+        self._stopgap.content = view.free_html(curve)
         own = view.model_curve_charts(result.parameters) if result else ()
-        self.laws.show(view.law_charts(store.analysis.current_diagnosis, store.derived.laws, name))
-        free = view.free_chart(store.free_curve)
+        self._draw_laws()
+        free = view.free_chart(curve)
         self.charts.show((*own, free, residual, *view.map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 
+    def _draw_laws(self) -> None:
+        """Draw the laws of findings and model; during a search the residual so far and the leader's law."""
+        store, name, search = self._store, self._store.joint_name, self._store.search
+        if search.first is None or search.best is None:
+            self.laws.show(view.law_charts(store.analysis.current_diagnosis, store.derived.laws, name))
+            return
+        where = store.joint, name, store.group.name, store.span
+        self.laws.show(view.search_charts(search.first, search.best, search.law, *where))
+
     def _move(self) -> None:
         self.charts.move(self._store.clock.time)
+        self.laws.move(self._store.clock.time)
 
     def _marked(self) -> Highlight | None:
         key = self._variable.value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
 from functools import lru_cache
@@ -11,13 +11,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flexviz.diagnosis import PredictionErrors, ResidualMap
+from flexviz.diagnosis import BestModel, PredictionErrors, ResidualMap
 from flexviz.identification import Identification, ObservedResidual
 from flexviz.jobs import Task
 from flexviz.laws import LawThroughData
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import EsoGains
-from flexviz.progress import Iteration
+from flexviz.progress import Iteration, Progress
 from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_motion, with_replay
 from flexviz.session import HISTORY, Session
 from flexviz.simulation import Run
@@ -61,6 +61,40 @@ class FitProgress:
     effects: tuple[str, ...] = ()
     single: bool = True  # whether it leads to one result
     iterations: list[Iteration] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class SearchNews(Progress):
+    """News of a search, with the law of its leading effect through its data."""
+
+    law: LawThroughData | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SearchSoFar:
+    """What a search for the missing effect has told that runs or was stopped.
+
+    Attributes:
+        first, best: the model before it, and the best one so far.
+        alone: effect → share of its joint's error that it alone would remove.
+        law: the leading effect's law through its data.
+    """
+
+    first: BestModel | None = None
+    best: BestModel | None = None
+    alone: Mapping[str, float] = field(default_factory=dict)
+    law: LawThroughData | None = None
+
+    def told(self, news: Progress) -> SearchSoFar:
+        """With news; the same object if nothing is new."""
+        best = news.so_far if isinstance(news.so_far, BestModel) else None
+        law = news.law if isinstance(news, SearchNews) else None
+        if best is None:
+            return self
+        known = self.best is not None and best.stopped == self.best.stopped
+        if known and len(news.alone) == len(self.alone):
+            return self
+        return SearchSoFar(self.first or best, best, news.alone, law)
 
 
 @dataclass(frozen=True)
@@ -173,6 +207,7 @@ class Changed(Flag):
     LIVE = auto()  # the residual with the observer that is being tuned
     ACTIVITY = auto()  # a task that the user waits for has started or ended
     PROGRESS = auto()  # the progress of that task
+    SEARCH = auto()  # what a search for the missing effect tells
     MESSAGE = auto()  # the status line
     SAVED = auto()  # the session
     FOLDER = auto()  # where the session is saved

@@ -26,19 +26,20 @@ from flexviz.app.state import (
     LiveTuning,
     Message,
     Opened,
+    SearchSoFar,
     Tone,
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, SetTask, open_set
-from flexviz.diagnosis import FreeCurve, PredictionErrors, ResidualMap
+from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet, require_unchanged
-from flexviz.progress import BestSoFar, Progress, ProgressCallback
+from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
-from flexviz.view import offered_curve, progress_text, shown_errors, worst_joint
+from flexviz.view import progress_text, shown_errors, worst_joint
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
@@ -57,6 +58,7 @@ class Store(ChangeSignal):
         self.saved: Session | None = None  # the session when last saved
         self.last_action = ""  # for a log
         self._changed = 0.0  # last change of the analysis [s, monotonic]
+        self.news = Progress()  # of the activity, the latest
         self._begin(opened)
 
     # -- what is open --------------------------------------------------------------------------------
@@ -74,7 +76,7 @@ class Store(ChangeSignal):
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
         self.live: LiveTuning | None = None
-        self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
+        self.search = SearchSoFar()
         self.kept = DerivedResults()
         if opened.judged:
             self.derived.judge(opened.judged)
@@ -124,14 +126,14 @@ class Store(ChangeSignal):
         self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
     def _go(self, action: str, session: Session, change: Changed) -> None:
-        before, self.session, self.so_far = self.analysis, session, None
+        before, self.session, self.search = self.analysis, session, SearchSoFar()
         after = self.analysis
         if after.same_as(before):
             return
         self.last_action = action
         if change & Changed.HISTORY:
             self.message = Message(action)
-        change |= Changed.ANALYSIS
+        change |= Changed.ANALYSIS | Changed.SEARCH
         if after.tuning != before.tuning:
             change |= Changed.OBSERVER
         if after.identification is not before.identification:
@@ -201,11 +203,6 @@ class Store(ChangeSignal):
     def errors(self) -> PredictionErrors | DiagnosisStep | None:
         """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
         return shown_errors(self.analysis, self.derived.errors)
-
-    @property
-    def free_curve(self) -> FreeCurve | None:
-        """The free curve that the diagnosis offers, if any."""
-        return offered_curve(self.analysis.current_diagnosis)
 
     # -- what is shown -------------------------------------------------------------------------------
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
@@ -281,10 +278,11 @@ class Store(ChangeSignal):
         """Start a task that the user waits for, one at a time; see `TaskRunner.start`.
 
         `begin` and `stopped` are the status line at the start, and when stopped without a result; `share` is
-        the initial progress; `fit` collects the iterations of a fit, which stops idle work. InputError if the
-        set's files have changed, which the worker reads.
+        the initial progress; `fit` collects the iterations of a fit, which stops idle work. InputError if a
+        `SetTask` is to read files of the set that have changed.
         """
-        require_unchanged(self.measurements)
+        if isinstance(task, SetTask):
+            require_unchanged(self.measurements)
 
         def end(act: Callable[[], None]) -> None:
             self.activity = None
@@ -294,14 +292,15 @@ class Store(ChangeSignal):
                 self.tell(Changed.ACTIVITY)
 
         def finish(result: Result) -> None:
-            require_unchanged(self.measurements)
+            if isinstance(task, SetTask):
+                require_unchanged(self.measurements)
             done(result)
 
         if fit is not None:
             self.tasks.stop(IdleTask)
-            self.fit = fit
+            self.fit, self.search = fit, SearchSoFar()
             self.tell(Changed.FIT)
-        self.activity, self.so_far = Activity(task, share), None
+        self.activity = Activity(task, share)
         self.say(begin, "busy")
         self.tasks.start(
             task,
@@ -310,7 +309,7 @@ class Store(ChangeSignal):
             failed=lambda reason: end(lambda: self.fail(reason)),
             stopped=lambda: end(lambda: self.say(stopped)),
         )
-        self.tell(Changed.ACTIVITY)
+        self.tell(Changed.ACTIVITY | Changed.SEARCH)
 
     def report(self, news: Progress) -> None:
         """Show the progress of the activity."""
@@ -320,9 +319,10 @@ class Store(ChangeSignal):
             self.say(progress_text(self.fit.iterations), "busy")
             return
         if self.activity is not None:
-            self.activity, self.so_far = replace(self.activity, share=news.share or 0.0), news.so_far
-            self.tell(Changed.PROGRESS)
-        self.say(", ".join(part for part in (news.text, news.rest_text) if part), "busy")
+            self.activity, before = replace(self.activity, share=news.share or 0.0), self.search
+            self.news, self.search = news, before.told(news)
+            self.tell(Changed.PROGRESS if self.search is before else Changed.PROGRESS | Changed.SEARCH)
+        self.say(news.line, "busy")
 
     def stop(self) -> None:
         """Stop the activity; identification and sweep keep their results so far."""

@@ -79,6 +79,10 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-bad { color: #C92A2A; } [data-mantine-color-scheme="dark"] .fv-bad { color: #FF8787; }
 .fv-tip { cursor: help; text-decoration: underline dotted; text-underline-offset: 2px; }
 .fv-status b { font-weight: 600; }
+.fv-alone td:first-child { max-width: 10.5em; overflow: hidden; text-overflow: ellipsis; white-space: nowrap;
+  text-align: left; }
+.fv-alone td, .fv-alone th { padding-left: 2px; padding-right: 2px; }
+.fv-tall th { writing-mode: vertical-rl; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .fv-fleet { max-height: 36vh; overflow-y: auto; margin-top: 0.3em; }

@@ -26,7 +26,7 @@ def turn_html(tab: str, count: int) -> str:
 
 
 class TabTurns:
-    """Step Observer turns to the states, Run to convergence, a verdict to its proof, adding to the staircase.
+    """Step Observer turns to the states, Run to convergence, a search to the proof, adding to the staircase.
 
     Undo, redo and looking at an earlier model turn nothing.
     """
@@ -38,6 +38,8 @@ class TabTurns:
         self._before = store.analysis
         store.subscribe(Changed.STEP, self._step)
         store.subscribe(Changed.ACTIVITY, self._activity)
+        self._first = store.search.first
+        store.subscribe(Changed.SEARCH, self._search)
 
     def _turn(self, tab: str) -> None:
         self._count += 1
@@ -46,6 +48,12 @@ class TabTurns:
     def _step(self) -> None:
         if self._store.step == OBSERVER:
             self._turn(STATES)
+
+    def _search(self) -> None:
+        """The first residual of a search has come."""
+        before, self._first = self._first, self._store.search.first
+        if self._first is not None and self._first is not before:
+            self._turn(PROOF)
 
     def _activity(self) -> None:
         store = self._store

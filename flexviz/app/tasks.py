@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.app.state import Opened
+from flexviz.app.state import Opened, SearchNews
 from flexviz.diagnosis import (
+    BestModel,
     Diagnosis,
     PredictionErrors,
     ResidualMap,
@@ -31,7 +32,7 @@ from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
 from flexviz.parallel import Background
-from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.progress import BestSoFar, Iteration, Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
 from flexviz.session import (
@@ -145,6 +146,25 @@ class DiagnosedSet:
     added: tuple[Identification, ...] = ()  # of the later `diagnosed_models`, with the diagnosis's values
 
 
+class LeadingLaw:
+    """Passes the news of a search on, with the law of the best model's leading effect through its data."""
+
+    def __init__(self, measurements: MeasurementSet, progress: ProgressCallback) -> None:
+        self._measurements, self._progress = measurements, progress
+        self._best: BestSoFar | None = None
+        self._law: LawThroughData | None = None
+
+    def __call__(self, news: Progress) -> None:
+        best = news.so_far
+        if isinstance(best, BestModel) and best is not self._best:
+            self._best, self._law = best, None
+            if best.effects:
+                leader = max(best.effects, key=lambda text: news.alone.get(text, 0.0))
+                drawn = laws_of(self._measurements, best.parameters, best.effects, only=leader)
+                self._law = drawn[0] if drawn else None
+        self._progress(SearchNews(**vars(news), law=self._law))
+
+
 @dataclass(frozen=True)
 class Diagnose(SetTask[DiagnosedSet]):
     """Identify unless `known` is given, then diagnose; `apply` adds all findings.
@@ -194,7 +214,7 @@ class Diagnose(SetTask[DiagnosedSet]):
             measurements,
             apply=self.apply,
             free_curve=False,  # has a button of its own
-            progress=progress,
+            progress=LeadingLaw(measurements, progress),
             should_stop=should_stop,
         )
         if bandwidth is None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +20,10 @@ from flexviz.measurements import MeasurementSet
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.report import session_report
 from flexviz.session import Session, SessionChanged, save_session, zipped
-from flexviz.simulation import make_plan, simulate_preset, simulated_effects
+from flexviz.simulation import Run, make_plan, simulate_preset, simulated_effects
+
+if TYPE_CHECKING:
+    from flexviz.recording import Recorded
 
 PRESETS = ("planar-2r", "panda")
 SURPRISE, NOTHING = "surprise me", "nothing"
@@ -85,10 +90,38 @@ def zip_file(session: Session, measurements: MeasurementSet) -> FileContent:
         return FileContent(f"{folder.name}.zip", zipped(folder))
 
 
-def report_file(session: Session, measurements: MeasurementSet, folder: Path | None) -> FileContent:
+@dataclass(frozen=True, eq=False)
+class WriteReport(Task[FileContent]):
     """The report of a session as one HTML file; `folder` is that of the saved session."""
-    text = session_report(session, measurements, "html", folder=folder)
-    return FileContent(f"{measurements.name}-report.html", text.encode())
+
+    in_process = False
+
+    session: Session
+    measurements: MeasurementSet
+    folder: Path | None
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> FileContent:
+        callbacks = {"progress": progress, "should_stop": should_stop}
+        text = session_report(self.session, self.measurements, "html", folder=self.folder, **callbacks)
+        return FileContent(f"{self.measurements.name}-report.html", text.encode())
+
+
+@dataclass(frozen=True, eq=False)
+class RecordSession(Task["Recorded"]):
+    """A new recording of a session in ./sessions, with the motions that are simulated by now."""
+
+    in_process = False
+
+    session: Session
+    measurements: MeasurementSet
+    runs: Mapping[str, Run]  # group → simulated motion of the newest model
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Recorded:
+        from flexviz.recording import record_session  # heavy
+
+        file = new_recording(self.measurements.name)
+        runs = dict(self.runs)  # others may come meanwhile
+        return record_session(self.session, self.measurements, file, progress, should_stop, runs)
 
 
 @dataclass(frozen=True)

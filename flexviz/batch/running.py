@@ -61,7 +61,7 @@ def run_tasks(
         rest = (time.monotonic() - began) / done * left
         ended = f"failed: {result.error}" if result.error else f"{result.seconds:.1f} s"
         text = f"{len(results)} of {len(titles)}, {titles[result.key]}: {ended}"
-        progress(Progress(text, len(results) / len(titles), rest=rest))
+        progress(Progress(text, len(results) / len(titles), rest=(rest, rest)))
     wrong = sum(bool(result.error) for result in results.values())
     return results, RunCount(kept, len(results) - kept, wrong, len(titles) - len(results))
 

@@ -9,6 +9,7 @@ from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, er
 from flexviz.diagnosis.residual_location import locate_residual, maps_of
 from flexviz.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
 from flexviz.diagnosis.result import Diagnosis, EffectParameter, Evidence, Finding, Step
+from flexviz.diagnosis.so_far import BestModel
 from flexviz.results import (
     Absorbed,
     BandwidthCheck,
@@ -27,6 +28,7 @@ __all__ = [
     "DIRECTION_GAIN",
     "Absorbed",
     "BandwidthCheck",
+    "BestModel",
     "CurveDraft",
     "Diagnosis",
     "EffectParameter",

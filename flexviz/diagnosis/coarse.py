@@ -28,6 +28,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve, is_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
+from flexviz.estimation import shares_alone
 
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
@@ -114,6 +115,13 @@ class Coarse(Resolution[MotionFit]):
         return (error > LIMITS.unknown_share * self.context.spread) & (error > LIMITS.deviations * self.floor)
 
     # -- moves
+
+    def alone(self, model: CoarseModel, joint: int | None) -> dict[str, float]:
+        """Effect → share of its joint's error that it alone would remove; `joint`: None for all others."""
+        fit = model.fit
+        wanted = [e for e in candidates(fit.layout, self.measurements.groups, self.many) if e.joint == joint]
+        found = shares_alone(fit.point, fit.chain, wanted, fit.weigh, fit.projection)
+        return {e.text(self.own.joints): share for e, share in found.items()}
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
         curves = filter(is_curve, layout.effects)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import gain
@@ -17,7 +16,7 @@ from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search, Tried
-from flexviz.diagnosis.so_far import SHARES
+from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
 from flexviz.effects import ChosenEffect
@@ -25,6 +24,7 @@ from flexviz.equation import layout_of
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
+from flexviz.wording import STAGE_SHARES, SearchStage
 
 
 class Interrupted(Exception):
@@ -67,10 +67,10 @@ class Course:
     ) -> None:
         self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
         self.began, self.stopped, self.searching = time.perf_counter(), False, True
-        self.pace, self.news = Pace(1 / SHARES[stages.USUAL], 1.0, SHARES), Progress()
+        self.pace, self.news = Pace(STAGE_SHARES), Progress()
         self.own = layout_of(measurements)
         self.band = PredictionErrorBand(measurements)
-        self.standing = stages.Standing(self.own, self.band)
+        self.standing = Standing(self.own, self.band)
         context = MotionContext(measurements, self.own.joints, stand_ins=True)
         self.view = Coarse(context, self.own, self.say)
         self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
@@ -87,7 +87,7 @@ class Course:
 
     def tell(self, text: str) -> None:
         if text and self.progress is not None:
-            self.news = replace(self.pace.news(text), so_far=self.news.so_far)
+            self.news = replace(self.pace.news(text), so_far=self.news.so_far, alone=self.news.alone)
             self.progress(self.news)
 
     def fitted(self, fit: Fitted, first_phase: Phases | None = None) -> None:
@@ -113,7 +113,7 @@ class Course:
         end = self.ended(coarse, at_noise=True)
         if end.curves or (view.significant(coarse).any() and not self.fine.complete(end.fine)):
             return replace(end, at_noise=False)
-        self.tell(stages.FINE)
+        self.tell(SearchStage.FINE)
         assert view.reference is not None
         self.fine.reference = end.fine.likelihood
         self.fine.explained = np.maximum(gain(view.reference, coarse.likelihood).by_joint, 0.0)
@@ -125,22 +125,28 @@ class Course:
     def coarse_search(self) -> CoarseModel:
         """The end of the search at the coarse resolution."""
         view = self.view
-        self.say(stages.OWN_MODEL)
+        self.say(SearchStage.OWN_MODEL)
         bare = self.best = view.bare()
         view.reference = bare.likelihood
         self.fitted(bare.fit)
         if view.at_noise(bare):
             return bare
-        self.say(stages.USUAL)
+        for joint in (*range(self.own.n), None) if self.progress else ():
+            self.news = replace(self.news, alone={**self.news.alone, **view.alone(bare, joint)})
+            self.say(SearchStage.SURVEY)
+        self.say(SearchStage.USUAL)
         rich = view.pruned(view.rich())
         if view.significant(rich).any() and view.context.set_standstill_apart(rich.fit):
             rich = view.rich()
+        self.say(SearchStage.SEARCH if view.significant(rich).any() else SearchStage.CHECK)
         search, end = self.searched_from(rich)
         if view.significant(end).any():
+            self.say(SearchStage.AGAIN)
             other, there = self.searched_from(view.bare())  # of the samples that count by now
             if gain(end.likelihood, there.likelihood).accepted:
                 search, end = other, there
         self.trace = search.trace
+        self.say(SearchStage.UNKNOWN if view.significant(end).any() else SearchStage.FOUND)
         return view.with_first_movements(view.with_rest_angles(search.run(end)))
 
     def searched_from(self, start: CoarseModel) -> tuple[Search[CoarseModel], CoarseModel]:

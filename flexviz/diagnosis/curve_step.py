@@ -8,7 +8,6 @@ from functools import partial
 
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, finding, made_step
 from flexviz.diagnosis.fit_context import FitContext
@@ -23,7 +22,7 @@ from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.results import curve_tables
-from flexviz.wording import percent
+from flexviz.wording import SearchStage, percent
 
 # kinds of notes that are renewed, or are of the model without the curve
 OLD_NOTES = ("free-curve", "stopgap", "unexplained", "changing", "unbiased", "bandwidth", "model-error")
@@ -72,7 +71,7 @@ def with_free_curve(
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
-        tell(stages.FREE_CURVE)
+        tell(SearchStage.FREE_CURVE)
         larger = [ChosenEffect(name, joints.index(curve.joint)) for name in curve.effects]
         layouts = [Layout(joints, (*own.effects, effect)) for effect in larger]
         fits = [context.fit(one, one.vector(model), check=tell_nothing) for one in layouts]
@@ -82,7 +81,7 @@ def with_free_curve(
             Stair(added, fit.layout, fit.x, fit.covariance, band.errors(fit, context.first_phase))
             for added, fit in ((None, before), (layout.effects[-1], after))
         )
-        tell(stages.LOCATION)
+        tell(SearchStage.LOCATION)
         at_noise = FitContext(measurements, layout)
         fit = at_noise.fit(layout, after.x, iterations=0)
         places, maps, parts = locate_residual(at_noise, fit)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis import so_far as stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import rows_without_curves, without_curves
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
@@ -32,6 +31,7 @@ from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
 from flexviz.results import Move, Note, Verdict
+from flexviz.wording import SearchStage
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ class _Description:
     def result(self) -> Diagnosis:
         """The result."""
         course, end, final = self.course, self.end, self.final()
-        course.tell(stages.STAIRS)
+        course.tell(SearchStage.STAIRS)
         stairs = staircase(course, end, final)
         left = (
             not course.fine.complete(end.fine) if end.at_noise else course.view.significant(end.coarse).any()
@@ -126,7 +126,7 @@ class _Description:
     def described(self, shown: Stair, made: list[Step], found: list[Finding]) -> Diagnosis:
         """The result that describes one model, `shown`."""
         course, end, layout = self.course, self.end, shown.layout
-        course.tell(stages.LOCATION)
+        course.tell(SearchStage.LOCATION)
         fit = end.fine.fit if self.apply else course.fine.fit(layout, shown.x, 0).fit
         context, unknown = course.fine.context, made[-1].verdict == "unknown"
         place = self.place(fit) if unknown and self.apply else None
@@ -140,7 +140,7 @@ class _Description:
             curve = None if end.curves and not curve.certain else curve
         puzzling = unknown and end.at_noise and end.changing is None and beside is None
         if not course.stopped and (self.guarded or (self.guarded is None and puzzling)):
-            course.tell(stages.BANDWIDTH)
+            course.tell(SearchStage.BANDWIDTH)
             guard = check_bandwidth(course.measurements, layout, shown.x)
         start = course.view.context.start(layout)
         at_bound = (shown.x <= start.bounds.lower) | (shown.x >= start.bounds.upper)
@@ -190,7 +190,7 @@ class _Description:
         several = many and np.count_nonzero(view.significant(end.coarse)) > 1
         if self.course.stopped or end.curves or end.changing is not None or several:
             return None
-        self.course.tell(stages.PLACE)
+        self.course.tell(SearchStage.PLACE)
         ratio = end.coarse.likelihood.deviation / view.floor
         return unknown_place(self.course.fine.context, fit, lambda: None, [int(np.argmax(ratio))])
 

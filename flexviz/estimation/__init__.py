@@ -10,7 +10,15 @@ from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened
 from flexviz.estimation.prior import Prior, pseudo_inertia
-from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
+from flexviz.estimation.score_test import (
+    Projection,
+    ScoredCandidate,
+    Weigh,
+    best_intervals,
+    explained,
+    score,
+    shares_alone,
+)
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import NARROW_HERTZ, TwoBandData, residual_noise

@@ -12,6 +12,7 @@ of two steps, so that the gain of every pair follows from the Gram matrix of the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,14 @@ class Projection:
     def instruments(self) -> Array:
         """Weighted Jacobian, shape (M, P)."""
         return self._instruments() if callable(self._instruments) else self._instruments
+
+    @property
+    def of_residual(self) -> Projection:
+        """The same, where an effect gains only what it explains of the residual."""
+        other = copy(self)
+        z = self.instruments
+        other._gram, other._along = z.T @ z, z.T @ self.residual
+        return other
 
     def normal(self, columns: Array, rows: slice | None = None) -> tuple[Array, Array]:
         """Gram matrix (C, C) of projected signatures and their products with the residual (C,).
@@ -141,6 +150,20 @@ def score(
             if allowed(effect, values) and (effect not in best or gain > best[effect].gain):
                 best[effect] = ScoredCandidate(effect, gain, values)
     return [best[effect] for effect in wanted if effect in best]
+
+
+def shares_alone(
+    point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
+) -> dict[ChosenEffect, float]:
+    """Share of the rms residual of its joint (without one: of all) that each effect alone would remove.
+
+    An estimate in closed form, 1 − √(1 − gain / |r|²), of the gain in the residual alone; arguments as in
+    `score`.
+    """
+    squares = np.sum(projection.residual.reshape(-1, point.layout.n) ** 2, axis=0)
+    found = score(point, chain, wanted, weigh, projection.of_residual)
+    of = {s.effect: squares.sum() if s.effect.joint is None else squares[s.effect.joint] for s in found}
+    return {s.effect: 1.0 - float(np.sqrt(max(1.0 - s.gain / of[s.effect], 0.0))) for s in found}
 
 
 def _batches(

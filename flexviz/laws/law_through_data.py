@@ -13,7 +13,7 @@ rounded it in the residual.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,32 +86,48 @@ class LawThroughData:
 
 
 def laws_of(
-    measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str], covariance: Array
+    measurements: MeasurementSet,
+    model: FlexibleModel,
+    effects: Sequence[str],
+    covariance: Array | None = None,
+    only: str | None = None,
 ) -> tuple[LawThroughData, ...]:
-    """The laws of an identified model with the set's effects and additional `effects`; covariance (P, P)."""
+    """The laws of an identified model with the set's effects and additional `effects`.
+
+    `covariance` (P, P) of its parameters gives each law its interval; `only` is the text of the only one to
+    draw.
+    """
     layout = layout_of(measurements, effects)
-    found = laws_through_data(measurements, layout, layout.vector(model), covariance)
+    covariance = np.zeros((layout.size, layout.size)) if covariance is None else covariance
+    chosen = [e for e in layout.effects if only in (None, e.text(layout.joints))]
+    found = laws_through_data(measurements, layout, layout.vector(model), covariance, chosen)
     return tuple(found.values())
 
 
 def laws_through_data(
-    measurements: MeasurementSet, layout: Layout, x: Array, covariance: Array
+    measurements: MeasurementSet,
+    layout: Layout,
+    x: Array,
+    covariance: Array,
+    only: Collection[ChosenEffect] | None = None,
 ) -> dict[ChosenEffect, LawThroughData]:
     """The laws of all effects of a model through the data of all groups.
 
     Args:
         layout, x, covariance: the model, its parameters (P,) and their covariance (P, P).
+        only: the effects to draw; None: all.
 
     Returns:
         effect → its law; empty where the records are too short.
     """
+    wanted = [pair for pair in layout.effect_slices() if only is None or pair[0] in only]
     try:
-        drawn = _Drawing(measurements, layout, x) if layout.effects else None
+        drawn = _Drawing(measurements, layout, x) if wanted else None
     except InputError:  # records that are too short for the band
         drawn = None
     if drawn is None:
         return {}
-    return {effect: drawn.law(effect, covariance[where, where]) for effect, where in layout.effect_slices()}
+    return {effect: drawn.law(effect, covariance[where, where]) for effect, where in wanted}
 
 
 class _Drawing:

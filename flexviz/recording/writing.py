@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,7 @@ from flexviz.recording.reading import Recorded
 from flexviz.recording.recorder import MAX_SAMPLES, Check, Recorder
 from flexviz.recording.stream import Stream
 from flexviz.session import Session
+from flexviz.simulation import Run
 
 
 @contextmanager
@@ -159,11 +160,20 @@ def record_set(
 
 
 def record_session(
-    session: Session, measurements: MeasurementSet, out: str | Path, progress: ProgressCallback = ignore
+    session: Session,
+    measurements: MeasurementSet,
+    out: str | Path,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
+    runs: Mapping[str, Run] | None = None,
 ) -> Recorded:
-    """Write a session with all results of its history to the file `out`; only the newest is simulated."""
+    """Write a session with all results of its history to the file `out`; only the newest is simulated.
+
+    With `runs`, group → the newest model's simulated motion, those are written instead, and nothing is
+    simulated. When stopped the file is kept with `complete` False.
+    """
     steps = session.steps
-    with recording_file(measurements, out, progress=progress) as file:
+    with recording_file(measurements, out, progress=progress, should_stop=should_stop) as file:
         recorder = file.recorder
         recorder.measured(file.part(0.0, 0.15))
         newest = steps[-1].analysis.identification
@@ -187,7 +197,10 @@ def record_session(
             file.step(step.label, 0.4)
         for note in session.notes:
             recorder.note(note.text)
-        if newest is not None:
+        for group, run in (runs or {}).items():
+            recorder.run(group, run)
+            file.step(f"{group}: the simulated motion", 0.9)
+        if newest is not None and runs is None:
             file.simulate(newest, file.part(0.45, 1.0))
         file.step("writing", 1.0)
     assert file.written is not None

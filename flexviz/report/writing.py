@@ -7,9 +7,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flexviz import __version__
-from flexviz.errors import InputError, choose_from
+from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.files import as_json
 from flexviz.measurements import MeasurementSet
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.report.blocks import ReportDocument, Section
 from flexviz.report.content import ReportContent, gather, shown_time
 from flexviz.report.html import html
@@ -36,6 +37,8 @@ def session_report(
     *,
     folder: Path | None = None,
     changed: tuple[str, ...] = (),
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> str:
     """The report of a session's present state and history as text; no results are computed.
 
@@ -45,9 +48,11 @@ def session_report(
         kind: "html" (self-contained), "md" or "json".
         folder: of the saved session, for the command that repeats the report.
         changed: files of the set that have changed since the results were computed (`OpenedSession.changed`).
+        progress, should_stop: see `flexviz.progress`.
 
     Raises:
         InputError: for an unknown kind, or a file of the set that cannot be read any more.
+        Cancelled: when stopped.
     """
     if kind not in KINDS:
         raise InputError(f'a report cannot be written as "{kind}"; {choose_from(kind, KINDS)}')
@@ -56,19 +61,31 @@ def session_report(
     if kind == "json":
         return as_numbers(content, when)
     write = html if kind == "html" else markdown
-    return write(compose(content, shown_time(when)))
+    return write(compose(content, shown_time(when), progress, should_stop))
 
 
-def compose(content: ReportContent, when: str) -> ReportDocument:
+def compose(
+    content: ReportContent,
+    when: str,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
+) -> ReportDocument:
     """The report's sections in reading order."""
     measurements = content.measurements
+    sections: list[Section] = []
+    for number, make in enumerate(SECTIONS):
+        if should_stop():
+            raise Cancelled
+        progress(Progress("writing the report", number / len(SECTIONS)))
+        section = make(content)
+        sections += [] if section is None else [section]
     seconds = sum(group.duration for group in measurements.groups)
     return ReportDocument(
         f"What was found about {measurements.name}",
         f"{measurements.robot.name}, {plural(measurements.n, 'joint')}; "
         f"{plural(len(measurements.groups), 'group')}, {seconds:.0f} s recorded; report of {when}",
         ["simulated data"] if measurements.simulated else [],
-        [section for make in SECTIONS if (section := make(content)) is not None],
+        sections,
         f"Written by flexviz {__version__} on {when}.",
     )
 

@@ -45,6 +45,7 @@ from flexviz.view.residuals import (
     spectrum_chart,
     stretches_of,
 )
+from flexviz.view.searching import alone_html, search_charts, worst_joint_so_far
 from flexviz.view.shape_charts import shape_charts
 from flexviz.view.staircase import (
     StaircaseRun,

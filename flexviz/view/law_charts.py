@@ -24,6 +24,10 @@ def law_chart(law: LawThroughData, height: int = LARGE) -> Chart:
     data_half, law_half = (NORMAL_95 * factor * std for std in (law.data_std, law.law_std))
     title = effect_title(law.effect)
     place = law.joint + (f", {law.group}" if law.group else "") + (f", {law.payload}" if law.payload else "")
+    ribbons = (
+        Ribbon("95 % of the data", COLOURS.measured, law.at, data - data_half, data + data_half),
+        Ribbon("95 % of the law", COLOURS.model, law.at, line - law_half, line + law_half),
+    )
     off, size = np.sqrt(np.mean((data - line) ** 2)), np.sqrt(np.mean(line**2))
     return Chart(
         f"law:{law.effect}:{place}",
@@ -34,10 +38,7 @@ def law_chart(law: LawThroughData, height: int = LARGE) -> Chart:
             ChartSeries("law", COLOURS.model, law.at, line, 2.6),
             ChartSeries("data", COLOURS.measured, law.at, data, 0.0, points=True),
         ),
-        (
-            Ribbon("95 % of the data", COLOURS.measured, law.at, data - data_half, data + data_half),
-            Ribbon("95 % of the law", COLOURS.model, law.at, line - law_half, line + law_half),
-        ),
+        tuple(ribbon for ribbon in ribbons if (ribbon.high > ribbon.low).any()),
         description=f"{capitalised(law.quantity)} against the {law.variable}, in {len(law.at)} bins: what "
         f"the model leaves and the law of {lower(title)} together. Data and law differ by "
         f"{number(100 * float(off / max(size, 1e-300)), 2)} % of the law.",

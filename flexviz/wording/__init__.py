@@ -83,5 +83,6 @@ from flexviz.wording.numbers import (
 )
 from flexviz.wording.records import ParameterLike
 from flexviz.wording.shares import finding_key, found_shares, step_shares
+from flexviz.wording.stages import STAGE_SHARES, SearchStage
 from flexviz.wording.trace import TRACE_TITLE, decoys_text, told_moves
 from flexviz.wording.verdicts import MOST_NAMED, location, span_text, verdict_text, what_stays

@@ -17,12 +17,15 @@ from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, 
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
 from flexviz.view import (
+    alone_html,
     free_chart,
     free_html,
     heading_html,
+    offered_curve,
     so_far_html,
     trace_html,
     verdict_html,
+    worst_joint_so_far,
     wrong_html,
 )
 from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
@@ -44,6 +47,7 @@ class DiagnoseStep(WorkflowStep):
         self._find = page.button("Find the missing effect", self._look, color="blue")
         self._why = gui.add_html("")
         self._so_far = gui.add_html("")
+        self._alone = gui.add_html("")
         self._verdict = gui.add_html("")
         self._stopgap = gui.add_html("")
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
@@ -65,8 +69,8 @@ class DiagnoseStep(WorkflowStep):
         page.command("Add all that is found", self._add_all)
         page.command("Add the free curve of what is left", self._curve_pressed)
         self.store.subscribe(Changed.GROUP | Changed.JOINT, self._show_findings, Turn.CONTROLS)
-        found = Changed.PROGRESS | Changed.ACTIVITY | Changed.ANALYSIS | Changed.OPENED
-        self.store.subscribe(found, self._show_so_far, Turn.CONTROLS)
+        told = Changed.SEARCH | Changed.ACTIVITY | Changed.OPENED
+        self.store.subscribe(told, self._show_so_far, Turn.CONTROLS)
         judged = Changed.OPENED | Changed.ANALYSIS | Changed.DERIVED
         self.store.subscribe(judged, self._show_wrong, Turn.CONTROLS)
 
@@ -77,8 +81,14 @@ class DiagnoseStep(WorkflowStep):
         put(self._wrong, content=wrong_html(store.analysis, store.errors, joints, spread))
 
     def _show_so_far(self) -> None:
-        """Show the best model of a search that runs or was stopped."""
-        self._so_far.content = so_far_html(self.store.so_far, self.store.running)
+        """Show what a search has told that runs or was stopped; it begins at the worst joint."""
+        store, search = self.store, self.store.search
+        first, best, joints = search.first, search.best, store.measurements.joints
+        if first is not None and first is best and not search.alone:
+            store.select(joint=worst_joint_so_far(first, store.measurements.torque_spread))
+        self._so_far.content = so_far_html(best, store.running)
+        self._verdict.visible = best is None
+        self._alone.content = alone_html(search.alone, best.effects if best else (), joints)
 
     def refresh(self) -> None:
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
@@ -90,7 +100,8 @@ class DiagnoseStep(WorkflowStep):
         self._verdict.content = verdict_html(
             analysis.diagnosis, analysis.diagnosis_up_to_date, joints, spread
         )
-        current, curve = analysis.current_diagnosis, store.free_curve
+        current = analysis.current_diagnosis
+        curve = offered_curve(current)
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
         self._curve.show((free_chart(curve, height=HEIGHT),))

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexviz.app.page import Page, dim, off
 from flexviz.app.recordings import KINDS, Kind, Recordings, State
+from flexviz.app.rerun_page import RerunPage
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half
-from flexviz.app.workspace import FileContent, report_file, save_output, short, zip_file
+from flexviz.app.workspace import FileContent, RecordSession, WriteReport, save_output, short, zip_file
 from flexviz.errors import InputError
-from flexviz.jobs import InThread
+from flexviz.jobs import InThread, Result, Task
+from flexviz.session import Analysis
 from flexviz.wording import escape
 
-VIEWER = "127.0.0.1:9876"  # default of a viewer started with `rerun`
+if TYPE_CHECKING:
+    from flexviz.recording import Recorded
+
+VIEWER = "127.0.0.1:9876"  # default of a viewer that is started by hand
+START_VIEWER = f"{sys.executable} -m rerun --port 9876"
 
 
 class Files:
@@ -25,15 +32,20 @@ class Files:
 
     def __init__(self, store: Store, page: Page) -> None:
         self._store, self._page = store, page
-        self._recorded: Path | None = None  # the last complete recording
+        self._recorded: tuple[Path, Analysis] | None = None  # the last complete recording, and of what
+        self._viewer = RerunPage()
         self._notes: dict[Kind, str] = {}
+        self._shown = ""  # a link to what Rerun shows (HTML)
         gui = page.gui
         hint = "into ./sessions, with all results and the history"
         save = page.button("Save session", self._save, hint=hint)
         hint = "with its measurement set, as one zip file"
         download = page.client_button("Download session", self._download, hint=hint)
         self._report = page.client_button("Report", self._write_report)
-        self._fetch = page.client_button("Download recording", self._send_recording)
+        hint = "records the session as it is now, and shows it in Rerun's viewer in a new tab"
+        show = page.client_button("Open in Rerun", self._open_recording, hint=hint)
+        hint = "a Rerun file with the measured signals, all results and what is simulated by now"
+        page.client_button("Download recording", self._send_recording, hint=hint)
         hint = "records the analysis live in a Rerun file in ./sessions"
         self._record = page.checkbox("Record", False, partial(self._switch, "file"), hint=hint)
         hint = "sends the same to a Rerun viewer on this machine"
@@ -44,14 +56,17 @@ class Files:
         for box in (self._record, self._live):
             page.style(half, box)
         page.row((save, download))
-        page.row((self._report, self._fetch))
+        page.row((self._report, show))
         page.command("Save the session", self._save)
         page.client_command("Send the session as a zip", self._download)
         page.client_command("Send a report", self._write_report)
+        page.client_command("Send a recording of the session", self._send_recording)
+        page.client_command("Show the session in Rerun", self._open_recording)
         page.command("Begin or end a recording", self._toggle)
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
         store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
         store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
+        store.subscribe(Changed.CLOSED, self._viewer.close)
 
     def _opened(self) -> None:
         """Start new recordings for a new set."""
@@ -61,25 +76,25 @@ class Files:
                 self._switch(kind, True)
 
     def _refresh(self) -> None:
-        analysis, file = self._store.analysis, self._recorded
+        analysis = self._store.analysis
         nothing = analysis.identification is None and analysis.diagnosis is None
         why = "no results yet; press Find the missing effect (step 4) or Run (step 3) first"
         off(self._report, why if nothing else "", "all results as one self-contained HTML file")
-        why = "nothing is recorded yet; switch Record on, and off again to finish"
-        off(self._fetch, why if file is None else "", f"{file.name if file else ''}, to be opened with Rerun")
         why = "switch Live viewer off first" if self._live.value else ""
-        off(self._address, why, "where the viewer listens; start one with: rerun --port 9876")
+        off(self._address, why, f"where the viewer listens; start one with: {START_VIEWER}")
 
     def _tick(self) -> None:
         if size := self.recordings.size():
             self._say("file", f"Recording: {size / 1e6:.1f} MB so far.")
 
-    def _start(self, doing: str, done: Any, make: Callable[..., Any], *more: Any) -> None:
-        """Call `make` with the session, its set and `more`, and `done` with the result."""
+    def _start(self, doing: str, task: Task[Result], done: Callable[[Result], None]) -> None:
+        """Start a task with progress and Stop, beside what is computing; `doing` is said meanwhile."""
         store = self._store
-        store.say(doing, "busy")
-        task = InThread(make, store.session, store.measurements, *more)
-        store.tasks.start(task, done, stopped=lambda: store.say(f"stopped {doing}"))
+        if store.running:  # its progress and Stop stay
+            store.say(doing, "busy")
+            store.tasks.start(task, done, stopped=lambda: store.say(f"stopped {doing}"))
+        else:
+            store.await_task(task, done, begin=doing, stopped=f"stopped {doing}")
 
     def _save(self) -> None:
         session, before = self._store.session, self._store.folder
@@ -90,19 +105,59 @@ class Files:
             why = f"; {short(before)} is left as it is" if before is not None and elsewhere else ""
             self._store.say(f"session saved in {short(folder)}{why}")
 
-        self._start("saving", saved, save_output, self._store.folder)
+        store = self._store
+        store.say("saving", "busy")
+        store.tasks.start(InThread(save_output, session, store.measurements, before), saved)
 
     def _download(self, client: int) -> None:
-        self._start("preparing the download", partial(self._send, client), zip_file)
+        store = self._store
+        task = InThread(zip_file, store.session, store.measurements)
+        self._start("preparing the download", task, partial(self._send, client))
 
     def _write_report(self, client: int) -> None:
         if self._report.disabled:
             raise InputError(str(self._report.hint))
-        self._start("writing the report", partial(self._send, client), report_file, self._store.folder)
+        store = self._store
+        task = WriteReport(store.session, store.measurements, store.folder)
+        self._start("writing the report", task, partial(self._send, client))
 
     def _send_recording(self, client: int) -> None:
-        if self._recorded is not None:
-            self._send(client, FileContent(self._recorded.name, self._recorded.read_bytes()))
+        self._with_recording(lambda file: self._send(client, FileContent(file.name, file.read_bytes())))
+
+    def _open_recording(self, client: int) -> None:
+        def opened(file: Path, address: str) -> None:
+            self._page.open_tab(client, address)
+            self._shown = f'<a href="{escape(address)}" target="_blank">{escape(file.name)} in Rerun</a>'
+            self._say("file", f"{short(file)} is shown in Rerun; on this machine only.")
+            self._store.say(f"Rerun shows {file.name} in a new tab")
+
+        def show(file: Path) -> None:
+            task = InThread(self._viewer.show, file)
+            self._start("starting Rerun's viewer", task, partial(opened, file))
+
+        self._with_recording(show)
+
+    def _with_recording(self, act: Callable[[Path], None]) -> None:
+        """Call `act` with a recording of the present session; one is made unless there is one."""
+        store, known = self._store, self._recorded
+        if known is not None and known[1] is store.analysis and known[0].is_file():
+            act(known[0])
+            return
+        of, task = store.analysis, RecordSession(store.session, store.measurements, store.derived.replays)
+
+        def recorded(made: Recorded) -> None:
+            if not made.complete:
+                store.say(f"stopped recording; what was written is in {short(made.file)}")
+                return
+            self._take_recording(made, of)
+            act(made.file)
+
+        self._start("recording the session", task, recorded)
+
+    def _take_recording(self, made: Recorded, of: Analysis) -> None:
+        self._recorded = made.file, of
+        self._say("file", f"Recorded in {short(made.file)} ({made.bytes / 1e6:.1f} MB).")
+        self._store.note_recording(made.file)
 
     def _send(self, client: int, file: FileContent) -> None:
         self._page.send_file(client, file.name, file.content)
@@ -140,9 +195,7 @@ class Files:
         elif kind == "viewer":
             self._say(kind, "")
         else:
-            self._recorded = value.file
-            self._say(kind, f"Recorded in {short(value.file)} ({value.bytes / 1e6:.1f} MB).")
-            self._store.note_recording(value.file)
+            self._take_recording(value, self._store.analysis)
         self._refresh()
 
     def _box(self, kind: Kind) -> Any:
@@ -151,5 +204,5 @@ class Files:
     def _say(self, kind: Kind, text: str) -> None:
         self._notes[kind] = text
         self._note.content = dim(
-            "".join(f"<div>{escape(said)}</div>" for said in self._notes.values() if said)
+            "".join(f"<div>{escape(said)}</div>" for said in self._notes.values() if said) + self._shown
         )

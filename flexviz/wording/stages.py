@@ -1,0 +1,43 @@
+"""The stages of a diagnosis in words, and how much of it is usually done when each begins."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class SearchStage(StrEnum):
+    """The stages of a diagnosis, in their order; from its model's error some are left out."""
+
+    OWN_MODEL = "fitting the set's own model to the noise"
+    SURVEY = "estimating what each effect alone would remove"
+    USUAL = "fitting all usual effects on all joints"
+    CHECK = "checking what the usual effects leave"
+    SEARCH = "searching for what the usual effects leave"
+    AGAIN = "searching once more, from the set's own model"
+    FOUND = "checking what was found"
+    UNKNOWN = "looking for unknown laws in what is left"
+    FINE = "refining the model in units of the sensors' noise"
+    STAIRS = "fitting the models on the way"
+    LOCATION = "locating the residual"
+    PLACE = "looking for the place of an unknown law"
+    FREE_CURVE = "adding a free curve"
+    BANDWIDTH = "checking parameters against the observer's bandwidth"
+
+
+STAGE_SHARES: dict[str, tuple[float, float, float]] = {
+    SearchStage.CHECK: (0.06, 0.5, 0.65),
+    SearchStage.SEARCH: (0.07, 0.25, 0.55),
+    SearchStage.AGAIN: (0.19, 0.52, 0.74),
+    SearchStage.FOUND: (0.24, 0.6, 0.65),
+    SearchStage.UNKNOWN: (0.36, 0.74, 0.9),
+    SearchStage.FINE: (0.4, 0.63, 0.9),
+    SearchStage.STAIRS: (0.67, 0.9, 0.98),
+    SearchStage.LOCATION: (0.84, 0.98, 1.0),
+    SearchStage.PLACE: (0.84, 0.98, 1.0),
+    SearchStage.FREE_CURVE: (0.84, 0.98, 1.0),
+    SearchStage.BANDWIDTH: (0.9, 0.98, 1.0),
+}
+"""Stage → share of the processor time that is done when it begins, at least and at most, and when it ends.
+
+The extremes of practice, robot-like and recorded sets of two to seven joints: `python -m benchmarks.pace`.
+"""
