@@ -9,11 +9,14 @@ import base64
 import json
 from pathlib import Path
 
+from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.charts import TIME
 from flexviz.wording import escape
 
 TIME_LABEL, SPAN_LABEL, PICTURE_LABEL = "Time [s]", "Span [s]", "Plot to save"  # of the controls
+DROP_LABEL, COMING_LABEL = "Dropped files", "Files on the way"  # of the controls for files
 NUMBER_LABEL, OPEN_LABEL = "Set no.", "Open set"  # of the list of a batch's sets
+ROW_LABEL = "Row"  # of the table of one's own robot
 PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
 SAVE = """
 const c = document.createElement('canvas'), x = c.getContext('2d');
@@ -38,8 +41,12 @@ def page_script() -> str:
         ("PICTURE", PICTURE_LABEL),
         ("NUMBER", NUMBER_LABEL),
         ("OPEN", OPEN_LABEL),
+        ("DROP", DROP_LABEL),
+        ("COMING", COMING_LABEL),
+        ("ROW", ROW_LABEL),
     ):
         text = text.replace(f"'{name}'", f"'{value}'")
+    text = text.replace("LARGEST_UPLOAD", str(LARGEST_UPLOAD))
     return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'
 
 
