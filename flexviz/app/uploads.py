@@ -24,6 +24,20 @@ KINDS = (
     ".toml", ".csv", ".parquet", ".urdf", ".xml", ".json", ".npz", ".stl", ".dae", ".obj", ".mtl", ".ply",
     ".glb", ".gltf", ".png", ".jpg", ".md", ".txt", ".tsv", ".dat", ".mat", ".jsonl", ".mcap", ".bag", ".db3",
 )  # fmt: skip
+LOGS = (
+    ".csv",
+    ".tsv",
+    ".txt",
+    ".dat",
+    ".parquet",
+    ".mat",
+    ".npz",
+    ".json",
+    ".jsonl",
+    ".mcap",
+    ".bag",
+    ".db3",
+)
 NO_LOGS = (".urdf", ".stl", ".dae", ".obj", ".mtl", ".ply", ".glb", ".gltf", ".png", ".jpg")
 _NAME = re.compile(r"[^\w.+ -]", re.UNICODE)
 MAIN = "measurements.toml"
@@ -38,7 +52,8 @@ def safe_name(name: str) -> str:
     if Path(cleaned).suffix.lower() == ".xacro":
         raise InputError(f"{cleaned}: expected a URDF; xacro {cleaned} > {Path(cleaned).stem} makes one")
     if Path(cleaned).suffix.lower() not in (*KINDS, ".zip"):
-        raise InputError(f"{cleaned}: {', '.join((*KINDS, '.zip'))} can be uploaded")
+        logs = ", ".join(LOGS)
+        raise InputError(f"{cleaned}: a URDF, meshes, logs ({logs}) or a set can be uploaded")
     return cleaned
 
 

@@ -36,6 +36,7 @@ from flexviz.view.own_robot import (
     own_runs_html,
     own_state_html,
     remedy_text,
+    shown_signals,
 )
 from flexviz.view.residual_time import BEFORE, BeforeAfter, time_residual
 from flexviz.view.residuals import (

@@ -12,7 +12,8 @@ from flexviz.importing import ColumnPreview, Draft, Fix, Issue, LogPreview
 from flexviz.importing import Mapping as LogMapping
 from flexviz.wording import escape, listed, number, plural
 
-OWN_SIGNALS = {"theta": "θ", "tau": "τ"}  # that the form asks for
+# the first two are needed, the others are for comparison
+OWN_SIGNALS = {"theta": "θ", "tau": "τ", "q": "q", "tau_joint": "joint torque", "theta_ref": "reference"}
 WIDTH, HEIGHT = 84, 30  # [px] of a small plot
 KEYS = {"unit": "unit", "side": "side", "sign": "sign", "offset": "offset"}
 Scales = Mapping[tuple[str, str], float]  # (joint, signal) -> one unit of its column in SI at the joint
@@ -36,6 +37,13 @@ def scales_of(mapping: LogMapping) -> dict[tuple[str, str], float]:
     return {(joint, name): mapping.joints[joint].scale(signal) for joint, name, signal in mapping.signals()}
 
 
+def shown_signals(draft: Draft) -> dict[str, str]:
+    """Signal -> symbol of the rows: θ, τ, and what else a joint has a column of."""
+    present = {name for joint in draft.joints.values() for name in joint.signals}
+    needed = list(OWN_SIGNALS)[:2]
+    return {name: symbol for name, symbol in OWN_SIGNALS.items() if name in needed or name in present}
+
+
 def own_columns_html(
     draft: Draft, log: LogPreview, scales: Scales, issues: Sequence[Issue], prismatic: Sequence[str] = ()
 ) -> str:
@@ -48,7 +56,7 @@ def own_columns_html(
     rows = []
     for joint, entry in draft.joints.items():
         rows.append(f'<tr class="fv-group"><td colspan="3">{escape(joint)}{_constants(entry)}</td></tr>')
-        for name, symbol in OWN_SIGNALS.items():
+        for name, symbol in shown_signals(draft).items():
             row = f'<td>{symbol}</td><td colspan="2" class="fv-doubt">no column</td>'
             if (signal := entry.signals.get(name)) is not None:
                 unit = _si(name, joint in prismatic)
@@ -62,7 +70,9 @@ def own_columns_html(
                 for issue in issues
                 if issue.joints[:1] == (joint,) and _first(issue) == name
             ]
-    return f'<div class="fv"><table class="fv-table fv-left fv-own">{"".join(rows)}</table></div>'
+    return (
+        f'<div class="fv"><table class="fv-table fv-left fv-own"><col><col><col>{"".join(rows)}</table></div>'
+    )
 
 
 def _signal_text(
@@ -90,18 +100,18 @@ def _converted(shown: ColumnPreview, unit: str, scale: float | None) -> str:
 def _constants(entry: object) -> str:
     """Gear and torque constant of a joint, where they are stated."""
     gear, constant = getattr(entry, "gear", 1.0), getattr(entry, "torque_constant", None)
-    said = [f"gear {number(gear)}"] if gear != 1.0 else []
-    said += [f"{number(constant)} Nm/A"] if constant is not None else []
+    said = [f"gear {gear:g}"] if gear != 1.0 else []
+    said += [f"{constant:g} Nm/A"] if constant is not None else []
     return f' <span class="fv-dim">{", ".join(said)}</span>' if said else ""
 
 
 def _si(name: str, slides: bool) -> str:
-    return {"theta": ("rad", "m"), "tau": ("Nm", "N")}[name][slides]
+    return (("Nm", "N") if name in ("tau", "tau_joint") else ("rad", "m"))[slides]
 
 
 def _first(issue: Issue) -> str:
-    """The row an issue stands at: that of τ for what concerns τ only."""
-    return "tau" if issue.signal == "tau" else "theta"
+    """The row an issue stands at: that of its first signal."""
+    return issue.signal.split(" and ")[0]
 
 
 def _doubt(issue: Issue) -> str:

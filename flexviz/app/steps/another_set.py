@@ -96,8 +96,8 @@ class AnotherSet:
 
     def _refuse(self, name: str, why: str) -> None:
         name = name[:60]
-        self._refused[name] = why
-        self._store.fail(f"upload: {why if why.startswith(name) else f'{name}: {why}'}")
+        self._refused[name] = why = why.removeprefix(f"{name}: ")
+        self._store.fail(f"upload: {name}: {why}")
 
     def _uploaded(self, file: Any) -> None:
         """Handle an uploaded file (`name`, `content`)."""
@@ -145,7 +145,7 @@ class AnotherSet:
                 self._waiting.content = warning(escape(text))
                 store.say(text)
             else:
-                self._own.close()
+                self._own.hide()
                 store.say("reading the upload", "busy")
                 self._read(InChild(take, uploads.folder, output_dir()), self._taken)
         except FlexvizError as error:

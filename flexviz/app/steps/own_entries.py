@@ -25,11 +25,12 @@ from flexviz.importing import (
     set_key,
     typed_numbers,
 )
-from flexviz.view import OWN_SIGNALS
+from flexviz.view import shown_signals
 
 NO_COLUMN, EVERY, MIXED, NUMBER = "–", "every joint", "as it is", "a number"
 SIDES = {"behind the gear (joint)": "joint", "before the gear (motor)": "motor"}
 SIGNS = {"+": 1, "− (reversed)": -1}
+FORCES = ("tau", "tau_joint")  # the other signals are positions
 USES = ("fit", "validate")
 LABEL = "7em"
 Edited = Callable[[Sequence[str], str], None]  # the joints and the signal that were changed
@@ -52,8 +53,12 @@ class ColumnEntry:
         self._column = page.dropdown("Column", (NO_COLUMN,), self._set_column)
         self._unit = page.dropdown("Unit", (MIXED,), self._set_unit)
         hint = "of one unit in rad or Nm (m or N of a sliding joint): 0.00153398 for 4096 counts per turn"
-        self._size = page.watch(page.gui.add_text("Size", "", hint=hint, visible=False), self._set_size)
-        self._side = page.dropdown("Side", (MIXED, *SIDES), lambda side: self._set("side", SIDES.get(side)))
+        self._size = page.watch(
+            page.gui.add_text("Size of unit", "", hint=hint, visible=False), self._set_size
+        )
+        self._side = page.dropdown(
+            "Measured", (MIXED, *SIDES), lambda side: self._set("side", SIDES.get(side))
+        )
         self._sign = page.dropdown("Sign", (MIXED, *SIGNS), lambda sign: self._set("sign", SIGNS.get(sign)))
         for handle in (self.row, self._column, self._unit, self._size, self._side, self._sign):
             page.style(label_width, handle, LABEL)
@@ -64,7 +69,7 @@ class ColumnEntry:
         self._rows = {
             f"{symbol} of {joint}": (joint, name)
             for joint in (EVERY, *own.draft.joints)
-            for name, symbol in OWN_SIGNALS.items()
+            for name, symbol in shown_signals(own.draft).items()
         }
         self.row.options = tuple(self._rows)
         self.row.value = next(iter(self._rows))
@@ -112,11 +117,11 @@ class ColumnEntry:
 
     def _si(self, joints: Sequence[str], name: str) -> str:
         slides = self._slides(joints)
-        return ("m" if slides else "rad") if name == "theta" else ("N" if slides else "Nm")
+        return ("N" if slides else "Nm") if name in FORCES else ("m" if slides else "rad")
 
     def _units(self, joints: Sequence[str], name: str) -> tuple[str, ...]:
         slides = self._slides(joints)
-        if name == "theta":
+        if name not in FORCES:
             return tuple(LENGTH if slides else ANGLE)
         return (*(FORCE if slides else TORQUE), *CURRENT)
 
@@ -164,7 +169,7 @@ class Constants:
         hint = (
             "of the motor, from its data sheet (rated torque ÷ rated current): one number, or one per joint"
         )
-        self._constants = page.watch(gui.add_text("Constants Nm/A", "", hint=hint), self._type_constants)
+        self._constants = page.watch(gui.add_text("Torque constants", "", hint=hint), self._type_constants)
         for handle in (self._gears, self._constants):
             page.style(label_width, handle, LABEL)
 
@@ -213,7 +218,7 @@ class Runs:
         self._edited, self._problem = edited, problem
         self._own: OwnFiles
         gui = page.gui
-        self._run = page.dropdown("Run", ("–",), lambda _: self.refresh())
+        self._run = page.dropdown("Log run", ("–",), lambda _: self.refresh())
         self._use = page.dropdown("Use", USES, self._set_use, hint="a run to validate is never fitted")
         self._payload = page.dropdown("Payload", ("none",), self._set_payload)
         with gui.add_folder("Add a payload", expand_by_default=False):

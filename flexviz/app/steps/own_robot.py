@@ -60,9 +60,9 @@ class OwnRobot:
                 page.button(f"Remedy {i + 1}", lambda i=i: self._remedy(i), visible=False, color="orange")
                 for i in range(MOST_REMEDIES)
             ]
-            self._name = page.watch(gui.add_text("Name", "", hint="of the new set in ./sessions"))
+            self._name = page.watch(gui.add_text("Set name", "", hint="of the new set in ./sessions"))
             self._open = page.button("Open", lambda: self._import(opens=True), color="orange")
-            self._check = page.button("Check", lambda: self._import(opens=False))
+            self._check = page.button("Check data", lambda: self._import(opens=False))
             self._anyway = page.button("Open anyway", lambda: self._import(opens=True, accept=True))
             self._download = page.client_button("Download mapping", self._send)
             self._table = gui.add_html("")
@@ -87,14 +87,17 @@ class OwnRobot:
         self._due = self.folder.visible = True
         self._read()
 
+    def hide(self) -> None:
+        """Hide the form; what it waits for is stopped."""
+        if self._store.runs(LookAtFiles) or self._store.runs(ImportOwn):
+            self._store.stop()
+        self._own, self._due = None, False
+        self.folder.visible = self._body.visible = False
+
     def close(self) -> None:
         """Hide the form and forget its files."""
-        if self._own is not None or self.folder.visible:
-            for task in (LookAtFiles, ImportOwn):
-                self._store.stop() if self._store.runs(task) else None
-            self._own, self._due = None, False
-            self.folder.visible = self._body.visible = False
-            self.on_close()
+        self.hide()
+        self.on_close()
 
     def _read(self) -> None:
         """Read the files if that is due and nothing is running; else say what happens."""
@@ -124,8 +127,8 @@ class OwnRobot:
 
     def _seen(self, own: OwnFiles) -> None:
         """Show what the files hold; entries made for files of the same columns stay."""
-        if self._due:
-            return  # newer files have come
+        if self._due or not self.folder.visible:
+            return  # newer files have come, or these were discarded
         if self._own is not None and carry(self._own.draft, own.draft, own.preview):
             self._checked = False
         else:
@@ -243,7 +246,7 @@ class OwnRobot:
     def _send(self, client: int) -> None:
         """Send the mapping; the logs and the URDF belong beside it."""
         if self._own is not None:
-            text = mapping_text(self._own.draft, self._urdf.parent / MAPPING_FILE)
             name = f"{Path(self._own.robot).stem}-{MAPPING_FILE}"
+            text = mapping_text(self._own.draft, self._urdf.parent / name)
             self._page.send_file(client, name, text.encode())
             self._store.say(f"{name} sent: put it beside the logs")
