@@ -37,6 +37,7 @@ class Dock:
             "Joint", ("–",), lambda name: store.select(joint=store.measurements.joint_index(name))
         )
         self._group = page.dropdown("Group", ("–",), lambda name: store.select(group=name))
+        page.add_drop_target()
         gui.add_divider()
         page.row((self._undo, self._redo, self._stop))
         page.style(no_label, self._buttons)

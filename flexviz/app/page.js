@@ -79,6 +79,74 @@ if (!window.flexvizPage) {
     pole = null;
   }, true);
 
+  // files dropped anywhere, or several chosen at once, go one after the other into the page's own upload
+  const wait = time => new Promise(done => setTimeout(done, time));
+  let drops = 0, sending = Promise.resolve();
+  const send = async files => {
+    const button = [...document.querySelectorAll('button')].find(one => one.textContent.trim() === 'DROP');
+    const input = button && document.getElementById(`file_upload_${button.id}`);
+    if (!input) return;
+    const good = files.filter(file => file.size > 0 && file.size <= LARGEST_UPLOAD);
+    const skipped = files.filter(file => !good.includes(file)).slice(0, 10).map(file => [file.name.slice(0, 60), file.size]);
+    drops += 1;
+    inputs('COMING').slice(0, 1).forEach(one => type(one, JSON.stringify({ drop: drops, files: good.length, skipped })));
+    await wait(250);  // the files must not overtake their number
+    for (const file of good) {
+      const one = new DataTransfer();
+      one.items.add(file);
+      input.files = one.files;
+      input.dispatchEvent(new Event('change', { bubbles: true }));
+      do await wait(100); while (button.disabled);  // until the server has all of it
+    }
+  };
+  const queue = files => { sending = sending.then(() => send(files)).catch(() => {}); };
+  const inside = async entry => {  // the files of a dropped folder
+    if (entry.name.startsWith('.')) return [];
+    if (entry.isFile) return [await new Promise((done, failed) => entry.file(done, failed))];
+    const reader = entry.createReader(), found = [];
+    for (;;) {
+      const some = await new Promise((done, failed) => reader.readEntries(done, failed));
+      if (!some.length) return (await Promise.all(found.map(inside))).flat();
+      found.push(...some);
+    }
+  };
+  const shade = document.createElement('div');
+  shade.className = 'fv-drop';
+  shade.style.display = 'none';
+  shade.innerHTML = '<b>Drop a URDF and logs</b><small>or a measurement set, or a session</small>';
+  document.body.append(shade);
+  const carries = e => e.dataTransfer && [...e.dataTransfer.types].includes('Files');
+  document.addEventListener('dragover', e => {
+    if (!carries(e)) return;
+    e.preventDefault();
+    shade.style.display = '';
+  }, true);
+  document.addEventListener('dragleave', e => { if (!e.relatedTarget) shade.style.display = 'none'; }, true);
+  document.addEventListener('drop', e => {
+    if (!carries(e)) return;
+    e.preventDefault();
+    e.stopPropagation();
+    shade.style.display = 'none';
+    const entries = [...e.dataTransfer.items].map(item => item.webkitGetAsEntry && item.webkitGetAsEntry());
+    const files = [...e.dataTransfer.files];
+    if (entries.every(Boolean)) Promise.all(entries.map(inside)).then(found => queue(found.flat()), () => queue(files));
+    else queue(files);
+  }, true);
+  document.addEventListener('click', e => {
+    const button = e.target.closest ? e.target.closest('button') : null;
+    const input = button && document.getElementById(`file_upload_${button.id}`);
+    if (input) input.multiple = true;
+  }, true);
+  document.addEventListener('change', e => {
+    if (e.target.type !== 'file' || e.target.files.length < 2) return;
+    e.stopPropagation();
+    queue([...e.target.files]);
+  }, true);
+  document.addEventListener('click', e => {
+    const row = e.target.closest ? e.target.closest('tr[data-own]') : null;
+    if (row) inputs('ROW').slice(0, 1).forEach(input => type(input, row.dataset.own));
+  }, true);
+
   let saved = 0;
   document.addEventListener('mouseover', e => {
     const box = e.target.closest ? e.target.closest('.uplot-container') : null;

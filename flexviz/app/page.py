@@ -15,8 +15,8 @@ import viser
 
 from flexviz.app.events import Event, EventQueue
 from flexviz.app.layout import LAYOUT
-from flexviz.app.page_script import new_tab, picture
-from flexviz.app.style import CSS, Tooltips, in_row
+from flexviz.app.page_script import COMING_LABEL, DROP_LABEL, new_tab, picture
+from flexviz.app.style import CSS, Tooltips, hidden, hidden_button, in_row
 
 SETTLE = 0.06  # [s] delay of a command, in which a control may claim its key press
 CTRL, SHIFT = "cmd/ctrl", "cmd/ctrl+shift"
@@ -74,6 +74,10 @@ class Commands:
         ]
 
 
+def ignore(_: Any) -> None:
+    """Do nothing."""
+
+
 class Page:
     """Builds controls in the current folder, and binds them to actions of the loop."""
 
@@ -85,6 +89,19 @@ class Page:
         self.tooltips = Tooltips()
         self.rules = [CSS, LAYOUT]
         self._sent: dict[int, Any] = {}  # browser -> the last element that acted there
+        self._received: Callable[[Any], None] = ignore
+        self._announced: Callable[[str], None] = ignore
+
+    def add_drop_target(self) -> None:
+        """Controls for the page's own script, which hands them files that are dropped anywhere."""
+        coming = self.watch(self.gui.add_text(COMING_LABEL, ""), lambda text: self._announced(text))
+        dropped = self.upload(DROP_LABEL, lambda file: self._received(file))
+        self.style(hidden, coming)
+        self.style(hidden_button, dropped)
+
+    def receive(self, received: Callable[[Any], None], announced: Callable[[str], None]) -> None:
+        """Let `received` get every dropped file, and `announced` first a text about all of them."""
+        self._received, self._announced = received, announced
 
     def watch(self, handle: Any, action: Callable[[Any], None] = lambda _: None) -> Any:
         """Call `action(value)` when a browser changes this control."""

@@ -11,13 +11,16 @@ import json
 from pathlib import Path
 
 from flexviz.app import layout
+from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.charts import TIME
 from flexviz.view import BEFORE, RESIDUAL
 from flexviz.wording import escape
 
 TRANSPORT_LABEL, SCREEN_LABEL, PICTURE_LABEL = "Playback command", "Canvas", "Plot to save"  # hidden texts
 POLE_LABEL = "Pole moved"
+DROP_LABEL, COMING_LABEL = "Dropped files", "Files on the way"  # of the controls for files
 NUMBER_LABEL, OPEN_LABEL = "Set no.", "Open set"  # of the list of a batch's sets
+ROW_LABEL = "Row"  # of the table of one's own robot
 PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
 SAVE = """
 const c = document.createElement('canvas'), x = c.getContext('2d');
@@ -50,8 +53,12 @@ def page_script() -> str:
         ("OPEN", OPEN_LABEL),
         ("BEFORE", BEFORE),
         ("RESIDUAL", RESIDUAL),
+        ("DROP", DROP_LABEL),
+        ("COMING", COMING_LABEL),
+        ("ROW", ROW_LABEL),
     ):
         text = text.replace(f"'{name}'", f"'{value}'")
+    text = text.replace("LARGEST_UPLOAD", str(LARGEST_UPLOAD))
     return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'
 
 

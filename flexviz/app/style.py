@@ -96,6 +96,16 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .uplot .u-legend { white-space: normal; }
 .uplot .u-series:has(.u-label:empty) { display: none; }
 .fv-chosen td { font-weight: 700; border-bottom: 2px solid #0072B2; }
+.fv-doubt { color: #D55E00; } [data-mantine-color-scheme="dark"] .fv-doubt { color: #FF8A4C; }
+.fv-own { table-layout: fixed; } .fv-own td { vertical-align: top; overflow-wrap: anywhere; }
+.fv-own col:nth-child(1) { width: 14px; } .fv-own col:nth-child(2) { width: 90px; }
+.fv-own tr[data-own] { cursor: pointer; } .fv-own tr[data-own]:hover { background: rgba(86, 180, 233, 0.25); }
+.fv-own svg { display: block; background: rgba(128, 128, 128, 0.1); border-radius: 2px; }
+[data-mantine-color-scheme="dark"] .fv-own polyline { stroke: #56B4E9; }
+.fv-drop { position: fixed; inset: 12px; z-index: 500; display: flex; flex-direction: column; gap: 0.4em;
+  align-items: center; justify-content: center; border: 3px dashed #0072B2; border-radius: 12px;
+  background: rgba(255, 255, 255, 0.88); color: #212529; font-size: 20px; pointer-events: none; }
+.fv-drop small { font-size: 14px; } .fv-dark .fv-drop { background: rgba(33, 37, 41, 0.9); color: #fff; }
 .fv-png { position: absolute; top: 8px; left: 8px; padding: 0 5px; font-size: 10.5px; cursor: pointer;
   border: 1px solid rgba(128, 128, 128, 0.5); border-radius: 3px; background: none; color: inherit;
   opacity: 0; } .uplot-container:hover .fv-png, .fv-png:focus { opacity: 1; }
@@ -126,6 +136,11 @@ def no_label(uuid: str) -> str:
 def hidden(uuid: str) -> str:
     """A rule that hides a control, for the page's own script."""
     return f"{flex(uuid)} {{ display: none; }}"
+
+
+def hidden_button(uuid: str) -> str:
+    """A rule that hides a button, for the page's own script."""
+    return f'div:has(> button[id="{uuid}"]) {{ display: none; }}'
 
 
 def hidden_in_the_dark(uuid: str) -> str:

@@ -22,8 +22,23 @@ MAX_FILES = 500
 LONGEST_NAME = 200  # characters of a file that a set names
 KINDS = (
     ".toml", ".csv", ".parquet", ".urdf", ".xml", ".json", ".npz", ".stl", ".dae", ".obj", ".mtl", ".ply",
-    ".glb", ".gltf", ".png", ".jpg", ".md", ".txt",
+    ".glb", ".gltf", ".png", ".jpg", ".md", ".txt", ".tsv", ".dat", ".mat", ".jsonl", ".mcap", ".bag", ".db3",
 )  # fmt: skip
+LOGS = (
+    ".csv",
+    ".tsv",
+    ".txt",
+    ".dat",
+    ".parquet",
+    ".mat",
+    ".npz",
+    ".json",
+    ".jsonl",
+    ".mcap",
+    ".bag",
+    ".db3",
+)
+NO_LOGS = (".urdf", ".stl", ".dae", ".obj", ".mtl", ".ply", ".glb", ".gltf", ".png", ".jpg")
 _NAME = re.compile(r"[^\w.+ -]", re.UNICODE)
 MAIN = "measurements.toml"
 
@@ -34,8 +49,11 @@ def safe_name(name: str) -> str:
     cleaned = _NAME.sub("_", last)[:120]
     if not cleaned.strip("._ ") or cleaned.startswith("."):
         raise InputError(f"{name[:60]!r} is not a file name")
+    if Path(cleaned).suffix.lower() == ".xacro":
+        raise InputError(f"{cleaned}: expected a URDF; xacro {cleaned} > {Path(cleaned).stem} makes one")
     if Path(cleaned).suffix.lower() not in (*KINDS, ".zip"):
-        raise InputError(f"{cleaned}: {', '.join((*KINDS, '.zip'))} can be uploaded")
+        logs = ", ".join(LOGS)
+        raise InputError(f"{cleaned}: a URDF, meshes, logs ({logs}) or a set can be uploaded")
     return cleaned
 
 
@@ -208,6 +226,11 @@ class UploadFolder:
     def urdf(self) -> Path | None:
         found = [file for file in self._files() if file.suffix.lower() == ".urdf"]
         return found[0] if len(found) == 1 else None
+
+    def logs(self, made: str) -> list[Path]:
+        """What may be logs, by name, but for a file called `made`."""
+        found = (f for f in self._files() if f.suffix.lower() not in NO_LOGS and f.name != made)
+        return sorted(found, key=lambda file: file.name)
 
     def close(self) -> None:
         """Remove the files that were not taken."""

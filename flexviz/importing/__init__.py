@@ -1,22 +1,57 @@
 """Import ROS bags, MCAP, CSV, Parquet, MATLAB, NumPy, JSON and LeRobot logs as a measurement set."""
 
-from flexviz.importing.draft import Person, Questions
+from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE
+from flexviz.importing.draft import Draft, DraftJoint, Person, Questions
+from flexviz.importing.editing import (
+    add_payload,
+    carry,
+    currents,
+    edited,
+    gaps,
+    set_column,
+    set_constants,
+    set_key,
+    typed_numbers,
+)
 from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs
-from flexviz.importing.mapping import Issue, Mapping, read_mapping
+from flexviz.importing.mapping import Fix, Issue, Mapping, read_mapping
 from flexviz.importing.plausibility import issues_of_set, plausibility_warnings, with_plausibility_warnings
+from flexviz.importing.previewing import ColumnPreview, LogPreview, preview, readable
 
 __all__ = [
+    "ANGLE",
+    "CURRENT",
+    "FORCE",
+    "LENGTH",
+    "TIME",
+    "TORQUE",
+    "ColumnPreview",
+    "Draft",
+    "DraftJoint",
+    "Fix",
     "Imported",
     "Inspection",
     "Issue",
+    "LogPreview",
     "Mapping",
     "Person",
     "Questions",
+    "add_payload",
+    "carry",
+    "currents",
+    "edited",
+    "gaps",
     "import_logs",
     "inspect_logs",
     "issues_of_set",
     "plausibility_warnings",
+    "preview",
     "read_mapping",
+    "readable",
+    "set_column",
+    "set_constants",
+    "set_key",
+    "typed_numbers",
     "with_plausibility_warnings",
 ]

@@ -69,6 +69,8 @@ class Draft:
     sources: list[LogSource]  # the logs, with the names of their groups and whether each is for validation
     groups: list[str]
     validation: set[str] = field(default_factory=set)
+    payloads: dict[str, list[dict[str, Any]]] = field(default_factory=dict)  # name -> bodies, as in a set
+    loads: dict[str, str] = field(default_factory=dict)  # group -> its payload; none where it is not here
     time: dict[str, Any] = field(default_factory=dict)  # the keys of [time]
     time_comment: str = ""
     joints: dict[str, DraftJoint] = field(default_factory=dict)  # name -> entry
@@ -86,12 +88,14 @@ class Draft:
             files = [relative(path, folder) for path in source.paths]
             entry: dict[str, Any] = {"file": files if source.beside else files[0]}
             entry |= {"episode": source.episode} if source.episode is not None else {}
-            logs.append(entry | {"group": group, "payload": "none", "validation": group in self.validation})
+            entry |= {"group": group, "payload": self.loads.get(group, "none")}
+            logs.append(entry | {"validation": group in self.validation})
         joints = {name: joint.document() for name, joint in self.joints.items()}
         robot = self.robot if is_library_robot(self.robot) else relative(Path(self.robot), folder)
         document: dict[str, Any] = {"format": 1, "robot": robot}
         document |= {"time": self.time} if self.time else {}
-        return document | {"payloads": {"none": {"bodies": []}}, "logs": logs, "joints": joints}
+        payloads = {name: {"bodies": bodies} for name, bodies in {"none": [], **self.payloads}.items()}
+        return document | {"payloads": payloads, "logs": logs, "joints": joints}
 
     def apply(self, fixes: tuple[Fix, ...], why: str) -> None:
         """Apply fixes, and comment on the reason."""
@@ -118,7 +122,8 @@ class Draft:
                 *(f"{key} = {toml.value_text(value)}" for key, value in self.time.items()),
             ]
             lines[-1] += f"  # {self.time_comment}" if self.time_comment else ""
-        lines += toml.dumps({"payloads": document["payloads"]}).splitlines() + PAYLOAD_EXAMPLE
+        lines += toml.dumps({"payloads": document["payloads"]}).splitlines()
+        lines += [] if self.payloads else PAYLOAD_EXAMPLE
         lines += toml.dumps({"logs": document["logs"]}).splitlines()
         if not self.validation and len(self.groups) > 1:
             lines[-1] += "  # true on one log keeps it for checking the result"

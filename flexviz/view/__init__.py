@@ -28,6 +28,16 @@ from flexviz.view.fit_charts import (
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
 from flexviz.view.law_charts import law_chart, law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
+from flexviz.view.own_robot import (
+    OWN_SIGNALS,
+    known_scales,
+    own_columns_html,
+    own_files_html,
+    own_runs_html,
+    own_state_html,
+    remedy_text,
+    shown_signals,
+)
 from flexviz.view.poles import pole_at, poles_html
 from flexviz.view.residual_time import BEFORE, RESIDUAL, BeforeAfter, time_residual
 from flexviz.view.residuals import (

@@ -1,16 +1,19 @@
-"""Another set in step 1: upload a set or a robot, or simulate a set with a hidden effect."""
+"""Another set in step 1: upload a set, or a robot with or without logs, or simulate a hidden effect."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.own_robot import MAPPING_FILE
 from flexviz.app.page import Page, dim, warning
 from flexviz.app.state import Changed
+from flexviz.app.steps.own_robot import OwnRobot
 from flexviz.app.store import Store
-from flexviz.app.uploads import UploadFolder, describe_robot, take
+from flexviz.app.uploads import LARGEST_UPLOAD, MAX_FILES, UploadFolder, describe_robot, take
 from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hideable, output_dir
 from flexviz.errors import FlexvizError
 from flexviz.jobs import InChild, InThread, Task
@@ -18,20 +21,28 @@ from flexviz.progress import Progress
 from flexviz.view import by_title
 from flexviz.wording import escape, plural
 
-WAITING = "A zip, or measurements.toml and its files; or a robot's URDF, to simulate it."
+WAITING = "A robot's URDF and logs; a zip of a set, or its files; or a URDF alone, to simulate it."
 MAX_MISSING_FILES = 6  # listed in the message
 
 
 class AnotherSet:
     """Upload and quiz."""
 
-    def __init__(self, store: Store, page: Page) -> None:
-        self._store = store
+    def __init__(self, store: Store, page: Page, own: OwnRobot) -> None:
+        self._store, self._own = store, own
         self._uploads = UploadFolder()
+        self._coming = 0  # files that a browser has announced and not sent yet
+        self._taken_in = False  # whether one was kept since the last look
+        self._refused: dict[str, str] = {}  # name -> why
+        self._urdf: Path | None = None  # the last one
         self._robots: dict[str, str | Path] = {name: name for name in PRESETS}
+        own.on_close = self._forget
+        page.receive(self._uploaded, self._announced)
         gui = page.gui
+        hint = f"or drop them anywhere on this page. {own.where}"
+        page.upload("Your robot: URDF and logs", self._uploaded, hint=hint)
         with gui.add_folder("Another set", expand_by_default=False):
-            hint = "a zip of a measurement set or session, its files one by one, or a robot's URDF"
+            hint = "a robot's URDF and logs, a zip of a measurement set or session, or its files"
             self.upload = page.upload("Upload", self._uploaded, hint=hint)
             self._waiting = gui.add_html(dim(WAITING))
             hint = "an uploaded URDF can be chosen here too"
@@ -64,39 +75,86 @@ class AnotherSet:
         stopped = partial(self._store.say, "stopped reading the upload")
         self._store.tasks.start(task, done, stopped=stopped, failed=fail)
 
+    def _announced(self, text: str) -> None:
+        """Handle what a browser says of files to come: {"files": 3, "skipped": [[name, bytes]]}."""
+        try:
+            said = json.loads(text)
+            count, skipped = int(said["files"]), [(str(name), int(size)) for name, size in said["skipped"]]
+        except (ValueError, TypeError, KeyError, RecursionError):
+            return
+        if not 0 <= count <= MAX_FILES:
+            self._store.fail(f"upload: {count} files; at most {MAX_FILES} are accepted")
+            return
+        self._coming, self._refused = count, {}
+        for name, size in skipped:
+            largest = f"{LARGEST_UPLOAD / 2**20:.0f} MB"
+            why = f"{size / 2**20:.0f} MB; at most {largest} are accepted" if size else "is empty"
+            self._refuse(name, why)
+        if count:
+            self._store.go("Data")
+            self._store.say(f"{plural(count, 'file')} on the way")
+
+    def _refuse(self, name: str, why: str) -> None:
+        name = name[:60]
+        self._refused[name] = why = why.removeprefix(f"{name}: ")
+        self._store.fail(f"upload: {name}: {why}")
+
     def _uploaded(self, file: Any) -> None:
         """Handle an uploaded file (`name`, `content`)."""
+        self._coming = max(self._coming - 1, 0)
         if file.name.lower().endswith(".zip"):
             self._store.say("unpacking", "busy")
             self._read(InThread(self._uploads.unpack, file.name, file.content), self._unpacked)
             return
         try:
             place = self._uploads.put(file.name, file.content)
+            self._taken_in = True
+            if place.suffix.lower() == ".urdf":
+                self._choose_robot(place)
         except FlexvizError as error:
-            self._store.fail(f"upload: {error}")
-            return
-        self._look(place if place.suffix.lower() == ".urdf" else None)
+            self._refuse(file.name, str(error))
+        if self._taken_in and not self._coming:
+            self._taken_in = False
+            self._look(place if place.suffix.lower() == ".urdf" else None)
+
+    def _choose_robot(self, urdf: Path) -> None:
+        """Take this URDF instead of an earlier one."""
+        if self._urdf is not None and self._urdf != urdf and self._urdf.parent == urdf.parent:
+            self._refused[self._urdf.name] = f"{urdf.name} is used instead, expected one robot"
+        self._urdf = urdf
 
     def _unpacked(self, _: None) -> None:
-        self._look(self._uploads.urdf())
+        self._urdf = self._uploads.urdf()
+        self._look(self._urdf)
 
     def _look(self, urdf: Path | None) -> None:
-        """Read the upload if the set is complete; offer a robot without a set."""
+        """Read the upload if the set is complete; offer a robot without a set, or with logs."""
         store, uploads = self._store, self._uploads
         try:
-            missing = uploads.missing()
-            if uploads.no_set and urdf is not None:
+            missing, robot = uploads.missing(), self._urdf
+            logs = uploads.logs(MAPPING_FILE) if uploads.no_set else []
+            if logs and robot is not None and robot.is_file() and uploads.no_set:
+                store.go("Data")
+                self._own.begin(robot, logs, self._refused)
+            elif uploads.no_set and urdf is not None:
                 self._offer_robot(urdf)
             elif missing:
                 names = ", ".join(missing[:MAX_MISSING_FILES])
-                text = f"{plural(uploads.count, 'file')} uploaded; still missing: {names}"
+                also = " (or the URDF of the robot that these logs are of)" if uploads.no_set else ""
+                text = f"{plural(uploads.count, 'file')} uploaded; still missing: {names}{also}"
                 self._waiting.content = warning(escape(text))
                 store.say(text)
             else:
+                self._own.hide()
                 store.say("reading the upload", "busy")
                 self._read(InChild(take, uploads.folder, output_dir()), self._taken)
         except FlexvizError as error:
             store.fail(f"upload: {error}")
+
+    def _forget(self) -> None:
+        """Begin anew after one's own robot was opened or discarded."""
+        self._uploads.begin()
+        self._refused, self._urdf = {}, None
 
     def _offer_robot(self, urdf: Path) -> None:
         """Offer a URDF without a set for simulation, if the worker can read it."""

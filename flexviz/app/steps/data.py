@@ -10,6 +10,7 @@ from flexviz.app.page import Page, warning
 from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
+from flexviz.app.steps.own_robot import OwnRobot
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import hidden_in_the_dark, label_width
@@ -35,6 +36,7 @@ class DataStep(WorkflowStep):
         store, page, gui = self.store, self.page, self.page.gui
         self._sets: dict[str, Path] = {}
         self._roles: dict[str, Any] = {}  # group -> its row
+        self.own = OwnRobot(store, page)
         self.unsaved = UnsavedWork(store, page)
         self._choice = page.dropdown("Measurement set", ("–",), self._choose)
         self._about = gui.add_html("")
@@ -43,7 +45,7 @@ class DataStep(WorkflowStep):
         self._hint = gui.add_html("")
         self._check = gui.add_html("")
         self.files = Files(store, page)
-        self.another = AnotherSet(store, page)
+        self.another = AnotherSet(store, page, self.own)
         page.command("Read the data again", lambda: store.open_path(self._shown()))
         page.style(hidden_in_the_dark, page.checkbox("Dark theme", False, page.set_dark))
         page.style(label_width, self._choice, "7.6em")
