@@ -6,10 +6,11 @@ All text is escaped on insertion; the content security policy forbids the browse
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
-from flexviz.charts import COLOURS, Chart, css, draw_svg, rgb
+from flexviz.charts import COLOURS, PAGE, Chart, SvgTheme, css, draw_svg, rgb
 from flexviz.report import blocks
 from flexviz.wording import escape
 
@@ -19,6 +20,7 @@ SHORT_TABLE = 16  # rows up to which a table is kept on one page
 MAX_WORD = 18  # [characters] up to which a column is widened for a word
 COLUMN_GAP = 2  # [characters]
 PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in small print
+WIDTHS = {2: 420, 3: 300}  # [px] of figures in so many columns
 MAX_LABEL = 30  # [characters] of a callout's label
 
 
@@ -65,15 +67,28 @@ def _block(block: blocks.Block, figures: Iterator[int]) -> str:
             )
             return f'<dl class="tiles">{cells}</dl>'
         case Chart():
-            figure = next(figures)
-            caption = f"<b>Figure {figure}. {escape(block.title)}.</b> {escape(block.description)}"
-            return f"<figure>{draw_svg(block, f'f{figure}')}<figcaption>{caption}</figcaption></figure>"
+            return _figure(block, block.description, figures, PAGE)
+        case blocks.Figures():
+            theme = replace(PAGE, width=WIDTHS[block.columns])
+            cells = (_figure(one, _note(one), figures, theme) for one in block.figures)
+            return f'<div class="figures of{block.columns}">{"".join(cells)}</div>'
         case blocks.Items():
             return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
         case blocks.Listing():
             return f"<pre><code>{escape(block.text)}</code></pre>"
         case blocks.ReportTable():
             return _table(block)
+
+
+def _figure(figure: Chart | blocks.Picture, text: str, figures: Iterator[int], theme: SvgTheme) -> str:
+    number = next(figures)
+    drawn = draw_svg(figure, f"f{number}", theme) if isinstance(figure, Chart) else figure.svg
+    caption = f"<b>Figure {number}. {escape(figure.title)}.</b> {escape(text)}"
+    return f"<figure>{drawn}<figcaption>{caption}</figcaption></figure>"
+
+
+def _note(figure: Chart | blocks.Picture) -> str:
+    return figure.note if isinstance(figure, Chart) else figure.description
 
 
 def _table(table: blocks.ReportTable) -> str:

@@ -10,6 +10,7 @@ from flexviz.scene.shape import (
     RobotShape,
     SceneLayout,
     geometry_mesh,
+    lean_shape,
     payload_place,
     robot_shape,
     scene_layout,
