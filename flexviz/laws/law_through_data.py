@@ -60,8 +60,8 @@ class LawThroughData:
         noise: the part of that standard error that stems from the sensors' noise.
         count: instants of the fine grid in each bin.
         leftover: rms of what bins and model leave, relative to the sensors' noise.
-        fine_at, fine_law, fine_std: the law and its standard error on a fine grid of the variable, shape (F,);
-            empty in results of earlier versions.
+        fine_at, fine_law, fine_std: the law and its standard error on a fine grid of the variable, shape
+            (F,); empty in results of earlier versions.
     """
 
     effect: str

@@ -9,7 +9,7 @@ from typing import Literal
 from flexviz.charts import Chart
 
 FIGURE_HEIGHT = 230  # [px] of a chart without its legend
-SMALL_HEIGHT = 150  # [px] of one of several side by side
+SMALL_HEIGHT = 190  # [px] of one of three side by side
 Tone = Literal["", "good", "missing", "unknown", "warn"]
 
 
@@ -79,7 +79,7 @@ class Figures:
     """Charts and pictures side by side, in rows of `columns`; of a chart's texts only title and note show."""
 
     figures: Sequence[Chart | Picture]
-    columns: int = 2
+    columns: int = 3
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 DARK_SHADE = 0.9  # cells darker than this get white text
-SHORT_TABLE = 16  # rows up to which a table is kept on one page
+SHORT_TABLE = 7  # rows up to which a table is kept on one page
 MAX_WORD = 18  # [characters] up to which a column is widened for a word
 COLUMN_GAP = 2  # [characters]
 PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in small print
-WIDTHS = {2: 420, 3: 300}  # [px] of figures in so many columns
+SIZES = {2: (420, 74), 3: (330, 62)}  # [px] width and left margin of figures in so many columns
 MAX_LABEL = 30  # [characters] of a callout's label
 
 
@@ -69,9 +69,11 @@ def _block(block: blocks.Block, figures: Iterator[int]) -> str:
         case Chart():
             return _figure(block, block.description, figures, PAGE)
         case blocks.Figures():
-            theme = replace(PAGE, width=WIDTHS[block.columns])
+            columns = max(min(block.columns, len(block.figures)), 2)
+            width, left = SIZES[columns]
+            theme = replace(PAGE, width=width, left=left)
             cells = (_figure(one, _note(one), figures, theme) for one in block.figures)
-            return f'<div class="figures of{block.columns}">{"".join(cells)}</div>'
+            return f'<div class="figures of{columns}">{"".join(cells)}</div>'
         case blocks.Items():
             return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
         case blocks.Listing():
@@ -95,7 +97,9 @@ def _table(table: blocks.ReportTable) -> str:
     widths, dense = column_widths(table)
     kinds = [' class="n"' if i in table.numbers else "" for i in range(len(table.head))]
     head = "".join(
-        f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
+        f'<th scope="col"{kind}>{escape(title)}</th>'
+        if kind  # its cells are not broken
+        else f'<th scope="col" style="min-width:{width}ch">{escape(title)}</th>'
         for kind, width, title in zip(kinds, widths, table.head, strict=True)
     )
     rows = "".join(

@@ -11,13 +11,14 @@ from flexviz.effects import EFFECTS, free_curve
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.report.sections.settled import finding_values
-from flexviz.view import evidence_chart, law_chart, law_difference, parameter_names
+from flexviz.view import evidence_chart, law_chart, law_difference
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
 MAX_ABSORBED = 4  # parameters named
 MAX_CANDIDATES = 4  # listed per model, effects of one kind together
 MAX_LOCATIONS = 4  # of unexplained residual
 MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
+MOST, MORE = "They differ most in ", ": record more data of this kind."  # around each of several motions
 REFUSED = 4  # refused moves in the table
 DECOYS = "candidates that cannot be right and compete in the same search, to estimate its false rate"
 FOLLOW = {
@@ -33,7 +34,7 @@ FOLLOW = {
 
 
 def effects(content: ReportContent) -> blocks.Section | None:
-    """What was added and what is proposed, each law through its data, and the ranking; None without a diagnosis."""
+    """What was added and is proposed, with its laws, and the other candidates; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     kinds = [(_known(content, texts), texts) for texts in _merged_texts(content)]
@@ -53,7 +54,7 @@ def effects(content: ReportContent) -> blocks.Section | None:
         *(blocks.Paragraph(_by_hand(content, texts)) for texts in by_hand),
         _members("Proposed", [proposed], content.joints) if proposed else None,
         *_figures([*added, *([proposed] if proposed else [])], content.joints),
-        *_explanations([*added, *([proposed] if proposed else [])]),
+        _explanations([*added, *([proposed] if proposed else [])]),
         blocks.Paragraph(absorbed) if moves else None,
         blocks.Paragraph(hinted) if hinted else None,
         *(() if ranking is None else (ranking,)),
@@ -118,47 +119,49 @@ def _figures(found: Sequence[wording.MergedFinding[Finding]], joints: Sequence[s
                 chart = evidence_chart(one, height=blocks.SMALL_HEIGHT)
             else:
                 chart = law_chart(one.law, blocks.SMALL_HEIGHT)
-                chart = replace(chart, note=f"Data and law differ by {law_difference(one.law)} of the law.")
+                title = chart.title.partition(":")[0]
+                note = f"Its law through the data; they differ by {law_difference(one.law)}."
+                chart = replace(chart, title=title, note=note)
             charts += [chart] if chart.series else []
     return [blocks.Figures(charts)] if charts else []
 
 
-def _explanations(found: Sequence[wording.MergedFinding[Finding]]) -> list[blocks.Paragraph]:
+def _explanations(found: Sequence[wording.MergedFinding[Finding]]) -> blocks.Paragraph | None:
     """A few words on every kind, its law, and what it cannot be told apart from."""
-    out = {}
+    out: dict[str, str] = {}
     for merged in found:
         effect = EFFECTS.get(merged.effect)
-        alike = f" {wording.kinds_text(merged.members[0])}" if merged.tied else ""
         if effect is not None:
-            words = f"{effect.title}: {effect.equation}. {effect.explanation}{alike}"
-            out[merged.effect, merged.tied] = blocks.explanation(words)
-    return list(out.values())
+            out.setdefault(effect.name, f"{effect.title}: {effect.equation}. {effect.explanation}")
+            alike = f" {wording.kinds_text(merged.members[0])}" if merged.tied else ""
+            out[effect.name] += alike if alike not in out[effect.name] else ""
+    return blocks.explanation(" ".join(out.values())) if out else None
 
 
 def _ranking(content: ReportContent) -> blocks.ReportTable | None:
+    """Candidates that were not added later, the best of every model."""
     rows: list[list[str | blocks.Cell]] = []
+    later = {text for one in content.rounds for text in one.added}
     for index, one in enumerate(content.rounds):
         found = (
             wording.merged_findings(one.diagnosis.findings, wording.found_shares(one.diagnosis))
             if one.diagnosis
             else []
         )
-        chosen = content.rounds[index + 1].added if index + 1 < len(content.rounds) else ()
-        for merged in found[:MAX_CANDIDATES]:
-            added = all(finding.text in chosen for finding in merged.members)
-            first, single = merged.members[0], len(merged.members) == 1
+        left = [one for one in found if not all(finding.text in later for finding in one.members)]
+        for merged in left[:MAX_CANDIDATES]:
+            first = merged.members[0]
             rows.append(
                 [
                     f"model {index}",
-                    blocks.Cell(merged.name(content.joints), strong=added),
-                    finding_values(first) if single and not added else "",
+                    merged.name(content.joints),
+                    finding_values(first) if len(merged.members) == 1 else "",
                     wording.share_text(wording.joint_score(merged.members)),
                     "–" if first.stopgap else wording.confidence_range(merged.members),
-                    "added" if added else "",
                 ]
             )
-    caption = "Candidates: each explains the share of the held-out error above the noise that it removes"
-    head = ("tried on", "effect", "value ± 95 %", "explains", "confidence", "")
+    caption = "Candidates not added, and the share of the held-out error above the noise that each removes"
+    head = ("tried on", "effect", "value ± 95 %", "explains", "confidence")
     return blocks.table(head, rows, (3, 4), caption) if rows else None
 
 
@@ -195,15 +198,10 @@ def telling_apart(content: ReportContent) -> blocks.Section | None:
     if content.diagnosis is None:
         return None
     found = [*content.found, *(content.proposed.members if content.proposed is not None else ())]
-    weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in wording.INERTIAL]
-    names = (
-        f"Parameters of joints and effects that these data do not determine well: {parameter_names(weak)}."
-    )
     steps = _beyond_ties(content, found)
     return blocks.section(
         "What could not be told apart, and what would decide",
         _ties(found, content.joints),
-        blocks.Paragraph(names) if weak else None,
         *((blocks.Paragraph("Worth recording next:"), blocks.Items(steps)) if steps else ()),
     )
 
@@ -221,7 +219,7 @@ def _ties(found: Sequence[Finding], joints: Sequence[str]) -> blocks.Block:
     for (_, other), both in pairs.items():
         merged = wording.MergedFinding(tuple(finding for finding, _ in both))
         likeness = [min(abs(tie.correlation), 1.0) for _, tie in both]
-        texts = dict.fromkeys(tie.breaks.removesuffix(": record more data of this kind.") for _, tie in both)
+        texts = dict.fromkeys(tie.breaks.removeprefix(MOST).removesuffix(MORE) for _, tie in both)
         decides = "; ".join(text for text in texts if text) or "no motion is known that distinguishes them"
         rows.append([_place(merged, joints), other, wording.share_text(min(likeness)), decides])
     head = ("found", "hard to tell from", "similarity", "distinguished by")

@@ -58,7 +58,7 @@ def _top(content: ReportContent, steps: Sequence[Step]) -> list[Figures]:
     picture = None if group is None else robot_picture(content, group)
     chart = _chart(content, steps) if len(steps) > 1 else None
     shown = [one for one in (chart, picture) if one is not None]
-    return [Figures(shown)] if shown else []
+    return [Figures(shown, columns=2)] if shown else []
 
 
 def _chart(content: ReportContent, steps: Sequence[Step]) -> Chart:

@@ -49,7 +49,7 @@ def source(content: ReportContent) -> str:
         how = "Fitted by the diagnosis, weighted by the measurement noise"
     return (
         f"{how}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. The data "
-        "determine a parameter ● well, ◐ weakly or ○ not at all; values whose interval is wider are not printed."
+        "determine a parameter ● well, ◐ weakly or ○ not at all; a value less than its interval is left out."
     )
 
 

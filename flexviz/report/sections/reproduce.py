@@ -31,8 +31,7 @@ USED = {"fit": "fit", "validate": "validate", "ignore": "not used"}
 def reproduce(content: ReportContent) -> Section:
     """Data, settings, history, command."""
     parts = [
-        section("Data", _groups(content)),
-        section("Settings", _settings(content)),
+        section("Data and settings", _groups(content), _settings(content)),
         section("Again", *_again(content)),
         section("History", *_history(content)),
     ]
@@ -72,9 +71,6 @@ def _settings(content: ReportContent) -> ReportTable:
         ["measurement set", str(measurements.path)],
         ["robot", f"{robot.name} ({robot.source}), {plural(measurements.n, 'joint')}"],
         ["effects of the set", ", ".join(measurements.effects) or "none"],
-        ["effects added", ", ".join(analysis.effects) or "none"],
-        ["fitted groups", ", ".join(analysis.groups_with("fit")) or "none"],
-        ["held-out groups", ", ".join(analysis.groups_with("validate")) or "none"],
         ["torque hold", f"{measurements.torque_hold:g} s"],
     ]
     if content.identification is not None:
@@ -88,13 +84,14 @@ def _settings(content: ReportContent) -> ReportTable:
         guard = content.diagnosis.guard
         rows.append(["bandwidth check", "not made (option --guard)" if guard is None else "see above"])
         rows.append(["time of the diagnosis", f"{number(content.diagnosis.seconds, 3)} s"])
-    rows.append(["flexviz", __version__])
-    rows.append(["Python and libraries", f"Python {platform.python_version()}, {', '.join(versions)}"])
+    rows.append(
+        ["versions", f"flexviz {__version__}, Python {platform.python_version()}, {', '.join(versions)}"]
+    )
     if content.folder is not None:
         rows.append(["session", str(content.folder)])
     rows.append(["SHA-256 of the set", content.fingerprint.sha256])
     rows += [["recording", str(file)] for file in content.session.recordings]
-    return table(("setting", "value"), rows)
+    return table(("setting", "value"), rows, dense=True)
 
 
 def _again(content: ReportContent) -> list[Block]:
