@@ -67,11 +67,12 @@ class ReportTable:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing as SVG with its caption."""
+    """A drawing with its caption: elements of SVG in a frame of `size` (width, height) [px]."""
 
     title: str
     description: str
-    svg: str
+    size: tuple[int, int]
+    elements: Sequence[str]
 
 
 @dataclass(frozen=True)

@@ -84,9 +84,23 @@ def _block(block: blocks.Block, figures: Iterator[int]) -> str:
 
 def _figure(figure: Chart | blocks.Picture, text: str, figures: Iterator[int], theme: SvgTheme) -> str:
     number = next(figures)
-    drawn = draw_svg(figure, f"f{number}", theme) if isinstance(figure, Chart) else figure.svg
+    key = f"f{number}"
+    svg = draw_svg(figure, key, theme) if isinstance(figure, Chart) else _drawing(figure, key, theme)
     caption = f"<b>Figure {number}. {escape(figure.title)}.</b> {escape(text)}"
-    return f"<figure>{drawn}<figcaption>{caption}</figcaption></figure>"
+    return f"<figure>{svg}<figcaption>{caption}</figcaption></figure>"
+
+
+def _drawing(picture: blocks.Picture, key: str, theme: SvgTheme) -> str:
+    width, height = picture.size
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-labelledby="{key}-t {key}-d" fill="{theme.ink}">',
+        f'<title id="{key}-t">{escape(picture.title)}</title>',
+        f'<desc id="{key}-d">{escape(picture.description)}</desc>',
+        *picture.elements,
+        "</svg>",
+    ]
+    return "\n".join(lines)
 
 
 def _note(figure: Chart | blocks.Picture) -> str:

@@ -43,10 +43,7 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
     pitch = width / len(chosen)
     scale = min(0.46 * pitch / layout.width, (height - TOP - BOTTOM) / (2.1 * layout.size))
     middle = (TOP + height - BOTTOM) / 2
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
-        'aria-label="The robot, links coloured by error" font-size="12" fill="#222222">'
-    ]
+    parts: list[str] = []
     names = ("before", "after")[-len(chosen) :] if len(chosen) > 1 else ("",)
     for k, (one, name) in enumerate(zip(colours, names, strict=True)):
         at = np.array([(k + 0.5) * pitch, middle])
@@ -54,9 +51,9 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
         error = percent(mean_nrms(one.rms.tolist(), content.spread))
         label = escape(f"{name}: {error} of the torque" if name else f"{error} of the torque")
         parts.append(f'<text x="{at[0]:g}" y="16" text-anchor="middle">{label}</text>')
-    parts += [*_scale_bar(colours[0].end), "</svg>"]
-    told = "links coloured by their joint's error in " + group
-    return Picture("The robot", f"{told}{', before and after' if len(chosen) > 1 else ''}.", "\n".join(parts))
+    told = f"Links are coloured by their joint's error in {group}"
+    told += ", before and after." if len(chosen) > 1 else "."
+    return Picture("The robot", told, SIZE, [*parts, *_scale_bar(colours[0].end)])
 
 
 def faces(

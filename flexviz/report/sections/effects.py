@@ -218,6 +218,8 @@ def _ties(found: Sequence[Finding], joints: Sequence[str]) -> blocks.Block:
     rows = []
     for (_, other), both in pairs.items():
         merged = wording.MergedFinding(tuple(finding for finding, _ in both))
+        if len(both) == 1:
+            other = wording.effect_title(both[0][1].effect) + wording.where_text(both[0][1].joint)
         likeness = [min(abs(tie.correlation), 1.0) for _, tie in both]
         texts = dict.fromkeys(tie.breaks.removeprefix(MOST).removesuffix(MORE) for _, tie in both)
         decides = "; ".join(text for text in texts if text) or "no motion is known that distinguishes them"

@@ -82,7 +82,7 @@ def _settings(content: ReportContent) -> ReportTable:
     if content.diagnosis is not None:
         rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
         guard = content.diagnosis.guard
-        rows.append(["bandwidth check", "not made (option --guard)" if guard is None else "see above"])
+        rows.append(["bandwidth check", "none: see the option --guard" if guard is None else "see above"])
         rows.append(["time of the diagnosis", f"{number(content.diagnosis.seconds, 3)} s"])
     rows.append(
         ["versions", f"flexviz {__version__}, Python {platform.python_version()}, {', '.join(versions)}"]

@@ -16,11 +16,11 @@ def torque(content: ReportContent) -> Section | None:
     group = shown_group(content)
     if group is None or content.changed:
         return None
-    rounds = [content.rounds[0], content.rounds[-1]][-len(content.rounds) :]
+    rounds = [*content.rounds[:1], *content.rounds[1:][-1:]]
     models = [(one.model.step.model, one.model.effects) for one in rounds]
-    identified, names = content.identification, ["before", "after"][-len(models) :]
+    identified, names = content.identification, ["before", "after"] if len(models) > 1 else ["model"]
     if not models and identified is not None:
-        models, names = [(identified.model, content.analysis.effects)], ["model"]
+        models = [(identified.model, content.analysis.effects)]
     known = [(model, effects) for model, effects in models if model is not None]
     try:
         complete = known and len(known) == len(models)
