@@ -24,7 +24,6 @@ from flexviz.report.blocks import (
 from flexviz.report.content import ReportContent
 from flexviz.report.robots import robot_picture
 from flexviz.report.sections.summary import fall
-from flexviz.report.sections.torque import shown_group
 from flexviz.wording import explained, mean_nrms, normalised, number, text_names, total_rms
 
 MAX_MODELS = 7  # columns per table
@@ -54,7 +53,7 @@ def staircase(content: ReportContent) -> Section | None:
 
 def _top(content: ReportContent, steps: Sequence[Step]) -> list[Figures]:
     """The error step by step, beside a picture of the robot."""
-    group = shown_group(content)
+    group = content.shown_group
     picture = None if group is None else robot_picture(content, group)
     chart = _chart(content, steps) if len(steps) > 1 else None
     shown = [one for one in (chart, picture) if one is not None]

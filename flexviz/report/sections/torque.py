@@ -13,22 +13,18 @@ from flexviz.wording import normalised, percent
 
 def torque(content: ReportContent) -> Section | None:
     """Small charts, one per joint; None without a model or where the data are not those of the results."""
-    group = shown_group(content)
-    if group is None or content.changed:
+    group, models = content.shown_group, content.compared
+    if group is None or not models or content.changed:
         return None
-    rounds = [*content.rounds[:1], *content.rounds[1:][-1:]]
-    models = [(one.model.step.model, one.model.effects) for one in rounds]
-    identified, names = content.identification, ["before", "after"] if len(models) > 1 else ["model"]
-    if not models and identified is not None:
-        models = [(identified.model, content.analysis.effects)]
-    known = [(model, effects) for model, effects in models if model is not None]
     try:
-        complete = known and len(known) == len(models)
-        found = torque_over_time(content.measurements, group, known) if complete else None
-    except InputError:  # a model of another version, or records too short for the band
+        pairs = [(one.model, one.effects) for one in models]
+        found = torque_over_time(content.measurements, group, pairs)
+    except InputError:  # records too short for the band
         found = None
     if found is None:
         return None
+    rounds = [*content.rounds[:1], *content.rounds[1:][-1:]]
+    names = [one.name for one in models]
     steps = [one.model.step for one in rounds] or list(content.identified)
     notes = [""] * len(content.joints)
     if steps:
@@ -45,12 +41,3 @@ def torque(content: ReportContent) -> Section | None:
         explanation(f"Group {group} ({kind}), below 5 Hz; {first}In a good model the lines coincide."),
         Figures(view.torque_fit_charts(found, content.joints, names, notes, SMALL_HEIGHT)),
     )
-
-
-def shown_group(content: ReportContent) -> str | None:
-    """The longest held-out group, else the longest fitted one."""
-    roles = dict(content.analysis.roles)
-    groups = [group for group in content.measurements.groups if roles.get(group.name) != "ignore"]
-    held_out = [group for group in groups if roles.get(group.name) == "validate"]
-    longest = max(held_out or groups, key=lambda group: group.duration, default=None)
-    return None if longest is None else longest.name
