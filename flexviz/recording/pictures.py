@@ -1,7 +1,7 @@
 """Charts as PNG pictures, whose text is scaled with them, for the viewer's 2D views.
 
 The viewer plots against time only, and its labels keep their size on the screen, so that they cover a small
-drawing. The pictures are the charts' SVG, of which the few kinds of elements that `draw_svg` writes are drawn.
+drawing. The pictures are the charts' SVG: the few kinds of elements that `draw_svg` writes are drawn.
 """
 
 from __future__ import annotations
@@ -12,20 +12,24 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from xml.etree import ElementTree
 
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from flexviz.charts import PAGE, Chart, draw_svg
+from flexviz.arrays import Array
+from flexviz.charts import PAGE, Chart, cividis, draw_svg
 
 WIDTHS = {1: 720, 2: 480, 3: 400}  # [px] of a chart in so many columns
 SCALE, FINE = 2, 2  # pixels per unit of the SVG, and drawn ones per pixel
 GAP, TITLE = 16, 24  # [px] between charts, and for the title above each
 FONT = 12.5  # [px]
-BACK = "#ffffff"
+CELL = (96.0, 26.0)  # [px] of a map
+BACK, DARK = "#ffffff", "#222222"
+BRIGHT = 330  # red + green + blue, from which on text is dark
 # what the built-in font lacks
-WRITTEN = {"−": "-", "–": "-", "×": "x", "√": "sqrt ", "²": "^2", "³": "^3", "⁵": "^5", "θ": "theta", "τ": "tau",
-           "→": "->", "≤": "<=", "µ": "u", "…": "...", "’": "'"}  # fmt: skip
+WRITTEN = {"−": "-", "–": "-", "×": "x", "√": "sqrt ", "²": "^2", "³": "^3", "⁵": "^5", "θ": "theta",
+           "τ": "tau", "→": "->", "≤": "<=", "µ": "u", "…": "...", "’": "'"}  # fmt: skip
 
 Drawn = tuple[float, float, float, float]
 
@@ -53,6 +57,29 @@ def charts_picture(charts: Sequence[Chart], columns: int) -> bytes:
     return out.getvalue()
 
 
+def map_picture(title: str, rows: Sequence[str], columns: Sequence[str], shares: Array) -> bytes:
+    """Shares (rows, columns) in 0 … 1 as coloured cells with percentages, as PNG; NaN is drawn as –."""
+    wide, high, zoom = CELL[0], CELL[1], SCALE * FINE
+    left, top = 0.6 * FONT * max(len(name) for name in rows) + GAP, 2.4 * CELL[1]
+    size = left + wide * len(columns) + GAP, top + high * len(rows) + GAP
+    image = Image.new("RGB", (round(zoom * size[0]), round(zoom * size[1])), BACK)
+    pen = ImageDraw.Draw(image)
+    _text(image, size[0] / 2, 0.8 * high, title, "middle", zoom, 1.1 * FONT)
+    for j, name in enumerate(columns):
+        _text(image, left + (j + 0.5) * wide, top - 0.3 * high, name, "middle", zoom, FONT)
+    for i, name in enumerate(rows):
+        _text(image, left - 0.5 * GAP, top + (i + 0.65) * high, name, "end", zoom, FONT)
+        for j, share in enumerate(shares[i]):
+            x, y, colour = left + j * wide, top + i * high, cividis(float(share))
+            pen.rectangle([zoom * x, zoom * y, zoom * (x + wide - 2), zoom * (y + high - 2)], fill=colour)
+            text = f"{100 * share:.0f} %" if share == share else "–"
+            ink = DARK if sum(colour) > BRIGHT else BACK
+            _text(image, x + wide / 2, y + 0.65 * high, text, "middle", zoom, FONT, ink=ink)
+    out = io.BytesIO()
+    image.reduce(FINE).save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
 def _draw(image: Image.Image, element: ElementTree.Element, left: float, top: float, zoom: float) -> None:
     """One element of a chart's SVG, moved by `left` and `top` [px]."""
     kind, at = element.tag.rpartition("}")[2], element.attrib
@@ -68,9 +95,7 @@ def _draw(image: Image.Image, element: ElementTree.Element, left: float, top: fl
         _shape(image, kind, at, left, top, zoom)
 
 
-def _shape(
-    image: Image.Image, kind: str, at: dict[str, str], left: float, top: float, zoom: float
-) -> None:
+def _shape(image: Image.Image, kind: str, at: dict[str, str], left: float, top: float, zoom: float) -> None:
     def place(x: str | float, y: str | float) -> tuple[float, float]:
         return zoom * (left + float(x)), zoom * (top + float(y))
 
@@ -100,7 +125,7 @@ def _shape(
 def _dashed(points: list[tuple[float, float]], dashes: list[float]) -> list[list[tuple[float, float]]]:
     """The drawn parts of a dashed line."""
     parts, part, index, left = [], [points[0]], 0, dashes[0]
-    for (x, y), (x2, y2) in zip(points, points[1:], strict=False):
+    for (x, y), (x2, y2) in pairwise(points):
         length = ((x2 - x) ** 2 + (y2 - y) ** 2) ** 0.5
         done = 0.0
         while length - done > left:
@@ -117,14 +142,14 @@ def _dashed(points: list[tuple[float, float]], dashes: list[float]) -> list[list
 
 def _text(
     image: Image.Image, x: float, y: float, text: str, anchor: str, zoom: float, size: float,
-    most: float = float("inf"),
+    most: float = float("inf"), ink: str = DARK,
 ) -> None:  # fmt: skip
     """A text whose baseline is at y; anchor "up": centred on x, y and read from below."""
     font, text = _font(round(zoom * size)), written(text)
     if anchor != "up":
         at = zoom * x, zoom * y
         places = {"start": "ls", "middle": "ms", "end": "rs"}
-        ImageDraw.Draw(image).text(at, text, fill="#222222", font=font, anchor=places[anchor])
+        ImageDraw.Draw(image).text(at, text, fill=ink, font=font, anchor=places[anchor])
         return
     width, height = round(font.getlength(text)) + 2, round(1.4 * zoom * size)
     label = Image.new("L", (width, height), 0)
@@ -132,7 +157,7 @@ def _text(
     label = label.resize((min(width, round(zoom * most)) if most < 1e6 else width, height))
     label = label.rotate(90, expand=True)
     corner = round(zoom * x - 0.75 * height), round(zoom * y - label.height / 2)
-    image.paste("#222222", corner, label)
+    image.paste(ink, corner, label)
 
 
 def written(text: str) -> str:
