@@ -1,4 +1,4 @@
-"""`python -m benchmarks.law_page OUT.html`: the law of every effect of the library through its data, to look at.
+"""`python -m benchmarks.law_page OUT.html`: the law of every effect through its data, to look at.
 
 From one simulated set per effect, the one of `tests/test_laws.py`, with the right model and with a wrong one.
 Beside each picture: mean square of data − law relative to the noise.

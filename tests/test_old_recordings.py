@@ -1,4 +1,4 @@
-"""Recordings of earlier versions still open: one is kept in tests/data, written before charts were pictures."""
+"""Recordings of earlier versions still open: tests/data keeps one from before charts were pictures."""
 
 from __future__ import annotations
 

@@ -217,7 +217,8 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     every = max(1, math.ceil((high - low) / 7))
     powers = [power for power in range(math.floor(low), math.ceil(high) + 1) if power % every == 0]
     values = [digit * 10.0**power for power in powers for digit in digits]
-    return [(v, f"{v:g}".replace("-", "−")) for v in values if low <= math.log10(v) <= high]
+    shown = [value for value in values if low <= math.log10(value) <= high]
+    return [(value, f"{value:g}".replace("e-0", "e-").replace("-", "−")) for value in shown]
 
 
 def thinned(x: Pixels, y: Pixels) -> tuple[Pixels, Pixels]:

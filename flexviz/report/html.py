@@ -20,7 +20,7 @@ SHORT_TABLE = 7  # rows up to which a table is kept on one page
 MAX_WORD = 18  # [characters] up to which a column is widened for a word
 COLUMN_GAP = 2  # [characters]
 PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in small print
-SIZES = {2: (420, 74), 3: (330, 62)}  # [px] width and left margin of figures in so many columns
+SIZES = {2: (420, 74), 3: (345, 76)}  # [px] width and left margin of figures in so many columns
 MAX_LABEL = 30  # [characters] of a callout's label
 
 
