@@ -26,7 +26,7 @@ GAP, TITLE = 16, 24  # [px] between charts, and for the title above each
 FONT = 12.5  # [px]
 CELL = (96.0, 26.0)  # [px] of a map
 BACK, DARK = "#ffffff", "#222222"
-BRIGHT = 330  # red + green + blue, from which on text is dark
+BRIGHT = 400  # red + green + blue, from which on text is dark
 # what the built-in font lacks
 WRITTEN = {"−": "-", "–": "-", "×": "x", "√": "sqrt ", "²": "^2", "³": "^3", "⁵": "^5", "θ": "theta",
            "τ": "tau", "→": "->", "≤": "<=", "µ": "u", "…": "...", "’": "'"}  # fmt: skip
