@@ -17,7 +17,7 @@ from flexviz.model import FlexibleModel
 from flexviz.observers import EsoGains, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.recording import Recorded, RecordingFile, recording_file
-from flexviz.report import diagnosed_session, session_report
+from flexviz.report import diagnosed_session, session_animation, session_report
 from flexviz.session import (
     Analysis,
     OpenedSession,
@@ -60,6 +60,7 @@ def write_report(
     *,
     guard: bool | None = None,
     keep: Path | None = None,
+    animation: Path | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> WrittenReport:
@@ -71,6 +72,7 @@ def write_report(
         guard: also check how results change with the observer bandwidth; None: only if the model does not
             reach the measurement noise.
         keep: new folder for a session with the results.
+        animation: HTML file of the measured and the identified robot in motion, written after the report.
         progress, should_stop: see `flexviz.progress`.
 
     Raises:
@@ -94,6 +96,9 @@ def write_report(
     folder = None if folder is None else folder.resolve()
     text = session_report(session, opened.measurements, kind, folder=folder, changed=opened.changed)
     write_file(out, text)
+    if animation is not None:
+        told = {"progress": progress, "should_stop": should_stop}
+        write_file(animation, session_animation(session, opened.measurements, **told))
     return WrittenReport(out, session, opened.changed)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from PIL import Image
 from rerun.chunk import RrdReader
 
 
@@ -38,6 +40,11 @@ class Read:
                 instants.append(ticks * 1e-9 if pa.types.is_duration(index.type) else ticks)
                 values.append(np.array(batch.column("Scalars:scalars").flatten()))
         return np.concatenate(instants), np.concatenate(values)
+
+    def picture(self, entity: str) -> Image.Image:
+        """A drawn chart as it stands in the end."""
+        blob = self.component(entity, "EncodedImage:blob")
+        return Image.open(io.BytesIO(bytes(np.asarray(blob, dtype=np.uint8).ravel())))
 
     def text(self, entity: str) -> str:
         """A text as it stands in the end."""

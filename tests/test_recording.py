@@ -121,8 +121,12 @@ def test_residual_and_iterations(pair: MeasurementSet, result: Any, content: Rea
         low == pytest.approx(1 - half) and high == pytest.approx(1 + half)
         for low, high in zip(ends[::2], ends[1::2], strict=True)
     )
-    stages = content.component("/results/1/optimiser/stage", "TextLog:text")
+    stages = content.component("/results/1/optimiser/stage", "StateChange:state")
     assert list(stages) == [iteration.stage for iteration in result.iterations]
+    where = path("results", "1", "estimates", "stiffness", pair.joints[0])
+    assert content.component(where, "value")[0] == stiffness.value
+    assert content.component(where, "variance")[0] == pytest.approx(stiffness.std**2)
+    assert content.component(where, "unit")[0] == "Nm/rad"
 
 
 def test_both_robots_move(pair: MeasurementSet, result: Any, content: Read) -> None:

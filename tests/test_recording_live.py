@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.charts import COLOURS, cividis, rgb
 from flexviz.errors import FlexvizError, InputError
 from flexviz.model import EffectValue
 from flexviz.observers import make_observer
@@ -24,7 +25,6 @@ from flexviz.recording.charts import step_names
 from flexviz.recording.stream import Stream, viewer_address
 from flexviz.recording.viewers import free_port, rerun_program
 from flexviz.simulation.run import Run
-from flexviz.view.residuals import MAP_COLUMNS
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of
 from tests.small_session import small_session
@@ -99,8 +99,7 @@ def test_everything_as_it_comes(small: Any, tmp_path: Path) -> None:
     assert evidence is not None
     _, rows = content.line("/diagnoses/1/evidence/1/g2/signature")
     np.testing.assert_array_equal(rows, evidence.signature[200:])
-    labels = " ".join(content.component("/diagnoses/1/staircase/all/words", "Points2D:labels"))
-    assert "initial model" in labels and "+ Coulomb friction on joint2" in labels
+    assert content.picture("/diagnoses/1/staircase").width > 1000
     views = " ".join(entry[0] for entry in blueprint_of(written.file)["ViewBlueprint:display_name"] if entry)
     for words in ("Residual [Nm] g1, result 2", "Errors step by step", "joint × variable", "Verdict"):
         assert words in views
@@ -111,15 +110,17 @@ def test_maps_are_drawn(small: Any, tmp_path: Path) -> None:
     with LiveRecording(measurements, tmp_path / "live.rrd", samples=50) as recording:
         recording.mapped(DIAGNOSIS.maps)
     content = Read(tmp_path / "live.rrd")
-    texts = list(content.component("/results/1/map/words", "Points2D:labels"))
     one = DIAGNOSIS.maps[0]
-    assert (
-        one.joint in texts
-        and MAP_COLUMNS[one.variable] in texts
-        and f"{100 * max(one.explained, 0.0):.0f} %" in texts
-    )
-    strips = content.component(f"/results/1/curves/{one.joint}/position/lines", "LineStrips2D:strips")
-    assert len(strips) == 3  # the mean and both edges of the noise
+    drawn = content.picture("/results/1/map").convert("RGB")
+    assert cividis(max(one.explained, 0.0)) in {colour for _, colour in drawn.getcolors(1 << 20)}
+    drawn = content.picture(f"/results/1/curves/{one.joint}").convert("RGB")
+    shown = sum(count for count, colour in drawn.getcolors(1 << 20) if near(colour, rgb(COLOURS.residual)))
+    assert shown > 300  # the mean residual
+
+
+def near(colour: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    """Whether two colours are alike."""
+    return max(abs(a - b) for a, b in zip(colour, other, strict=True)) < 30
 
 
 def test_the_staircase_of_several_diagnoses() -> None:

@@ -84,13 +84,13 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
     measurements, session = found
     page = Tags(session_report(session, measurements))
     assert page.headings == [
-        "What was found about small", "Summary", "How the error fell", "Which effects",
-        "Added: Coulomb friction on joint2", "Parameters", "Inertias", "Where the model fails",
+        "What was found about small", "Summary", "How the error fell", "Measured and model torque",
+        "Which effects", "Parameters", "Inertias", "Where the model fails",
         "What could not be told apart, and what would decide", "What moves with the observer's bandwidth",
-        "To reproduce", "Data", "Settings", "Again", "History",
+        "To reproduce", "Data and settings", "Again", "History",
     ]  # fmt: skip
     for words in (
-        "Missing: Coulomb friction on joint2: > 99 % of the error (added here). With it not all",
+        "Added: Coulomb friction on joint2: > 99 % of the error. With it not all",
         "With it not all of the error is explained:",
         "mostly on joint1; of the residual of joint2, 31 % follows the velocity",
         "The error on held-out groups went from ",
@@ -98,18 +98,21 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
         " % of the torque, 1.74 Nm) to 1.83 × noise floor (",  # sqrt of the mean square of (2.2, 1.1)
         " % of the torque, 26.5 mNm).",
         "Before, other parameters had absorbed what was added:",
-        "coulomb 3.000 ± 0.020 Nm. Removes > 99 % of the error; confidence 98 %.",
+        "coulomb 3.000 ± 0.020 Nm", "Group g3 (held out: it was not fitted)",
         "motor viscous friction of joint2: 12.00 → 10.10 Nm s/rad",
         "A payload twice as heavy would tell the two apart.",
         "Coulomb friction at the link on joint2",
         "31 % ± 4 % of the residual of joint2 follows its velocity, most of it from 0.200 to 1.00 rad/s.",
-        "1.9873", "0.0041", "not to be trusted", "part is observer error", "15.8 mNm",
+        "1987.3 ± 4.1", "not to be trusted", "part is observer error", "15.8 mNm",
         "flexviz report", "sha256sum --check", "numpy", "(validation)",
     ):  # fmt: skip
         assert words in page.text, words
     figures = [h for h in re.findall(r"Figure \d+\. ([^.]*)\.", page.text)]
     assert figures == [
         "Error after each added effect, all joints",
+        "The robot",
+        "joint1",
+        "joint2",
         "Evidence for Coulomb friction on joint2, g1",
         "Residual of joint2 against velocity, 31 %",
         "Spectrum of the residual of joint2",
@@ -127,10 +130,12 @@ def test_tables_hold_the_numbers(found: Both) -> None:
         "| g3 | validate | 138 | 1.83 |",  # means of 2.2 / 0.01 and 1.1 / 0.02, 0.021 / 0.01 and 0.031 / 0.02
         f"| joint2 | 55.0 | 1.55 | {share:.3g} |",
         "| 31.0 mNm | 20.0 mNm |",
-        "| joint1 | stiffness | **1.9873** | 0.0041 | kNm/rad | ● yes |   |",
-        "| joint1 | motor viscous friction | **1.10** | 0.78 | Nm s/rad | ◐ weak "
-        "| link viscous friction of joint1 |",
-        "| model 0 | 2 | Torque offset on joint1 | offset 0.40 ± 0.39 Nm | 11 % | 2 % |   |",
+        "| stiffness \\[Nm/rad\\] | 1987.3 ± 4.1 ● | 1987.3 ± 4.1 ● |",
+        "| link viscous friction \\[Nm s/rad\\] | ○ | ○ |",  # its interval is wider than its value
+        "| motor viscous friction \\[Nm s/rad\\] | 1.10 ± 0.78 ◐ | 1.10 ± 0.78 ◐ |",
+        "link viscous friction and motor viscous friction of joints 1 and 2.",
+        "| **Added: Coulomb friction** | joint2 | coulomb 3.000 ± 0.020 Nm | \\> 99 % | 98 % |",
+        "| model 0 | Torque offset on joint1 | offset 0.40 ± 0.39 Nm | 11 % | 2 % |",
         "| joint2 | 1.55 × | 0 % | **31 %** | 4 % | 2 % | 3 % | **5 %** | **6 %** | **7 %** |",
         "| stiffness | joint2 | 1987 | 1400 | 1987 | Nm/rad | 280 | **not to be trusted** |",
     ):
@@ -140,7 +145,7 @@ def test_tables_hold_the_numbers(found: Both) -> None:
 def test_json_is_for_programs(found: Both) -> None:
     measurements, session = found
     document = json.loads(session_report(session, measurements, "json"))
-    assert document["summary"].startswith("Missing: Coulomb friction on joint2")
+    assert document["summary"].startswith("Added: Coulomb friction on joint2")
     assert [step["added"] for step in document["staircase"]] == [[], ["coulomb_friction:joint2"]]
     assert document["staircase"][1]["rms_validation"] == [0.021, 0.031]
     assert document["diagnosis"]["verdict"] == "unknown" and document["identification"] is None
@@ -253,7 +258,7 @@ def test_the_page_needs_nothing_and_runs_nothing(found: Both) -> None:
 def test_every_picture_can_be_read_aloud_and_lies_within_its_frame(found: Both) -> None:
     page = session_report(found[1], found[0])
     drawn = pictures(page)
-    assert len(drawn) == 5
+    assert len(drawn) == 8
     ids = re.findall(r'id="([^"]+)"', page)
     assert len(ids) == len(set(ids))
     for picture in drawn:

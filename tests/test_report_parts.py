@@ -284,16 +284,16 @@ def test_effects_of_one_kind_are_one_part_with_a_value_per_joint(tmp_path: Path)
         "added Torque offset on joint1",
     ]
     text = session_report(session, measurements, "md")
-    assert "### Added: Coulomb friction on joints 1 and 2" in text and "### Added: Torque offset on" in text
+    assert "| **Added: Torque offset** | joint1 |" in text
     assert (
-        "Missing: Coulomb friction on joints 1 and 2: 96 % of the error; Torque offset on joint1: 4 % of the "
-        "error (added here). With them not all of the error is explained"
+        "Added: Coulomb friction on joints 1 and 2: 96 % of the error; Torque offset on joint1: 4 % of the "
+        "error. With them not all of the error is explained"
     ) in text
-    assert "Together they remove 96 % of the error; confidence 98 %." in text
-    assert "| joint1 | coulomb 7.000 ± 0.039 Nm | 98 % |" in text
+    assert "| **Added: Coulomb friction** | joint1 | coulomb 7.000 ± 0.039 Nm | 96 % | 98 % |" in text
+    assert "|   | joint2 | coulomb 3.000 ± 0.020 Nm |   | 98 % |" in text
     assert text.count("absorbed") == 1  # listed once, briefly
     assert "What stays: joint2" in text and "1 adds Coulomb friction on joints 1 and 2; 2 adds" in text
-    assert "model 3" not in text and text.count("| added |") == 3
+    assert "model 3" not in text and "Candidates" not in text  # all were added
 
 
 def test_a_report_names_the_family_where_the_data_do_not_tell_its_members_apart(tmp_path: Path) -> None:
@@ -302,15 +302,15 @@ def test_a_report_names_the_family_where_the_data_do_not_tell_its_members_apart(
     session = diagnosed_session(measurements, TIED_DIAGNOSIS)
     assert session.present.label == "added Dry friction on joint2"
     text = session_report(session, measurements, "md")
-    assert f"Missing: Dry friction on joint2 ({untold}): \\> 99 % of the error (added here)." in text
-    assert f"### Added: Dry friction on joint2; {untold}" in text and "confidence 97 %" in text
+    assert f"Added: Dry friction on joint2 ({untold}): \\> 99 % of the error." in text
+    assert "| **Added: Dry friction** | joint2 |" in text and "| 97 % |" in text
     assert "Alike in these data: Coulomb friction and Coulomb friction at the link." in text
-    assert "1 adds Dry friction on joint2" in text and "added Dry friction on joint2 |" in text
+    assert "1 adds Dry friction on joint2" in text and "added Dry friction on joint2." in text
     # proposed, not yet added
     proposed = diagnosed_session(measurements, replace(TIED_DIAGNOSIS, steps=(BEFORE,)))
     text = session_report(proposed, measurements, "md")
-    assert f"### Proposed: Dry friction on joint2; {untold}" in text
-    assert f"confidence 97 %; {untold}." in text
+    assert "Alike in these data: Coulomb friction and" in text
+    assert "| **Proposed: Dry friction** | joint2 | coulomb 3.000 ± 0.020 Nm |" in text
 
 
 def test_a_report_warns_of_values_at_their_bound(tmp_path: Path) -> None:

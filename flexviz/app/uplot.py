@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -127,12 +128,16 @@ class ChartColumn:
 def columns(chart: Chart) -> tuple[Array, ...]:
     """x, every series, both edges of every ribbon, highlights and marker, each (M,).
 
-    All series must share x. Rows with NaN are omitted, because a single one would blank the chart.
+    Where all share x, rows with NaN are omitted, because a single one would blank a chart without limits.
+    Otherwise x are all of theirs: points are NaN between them, lines and edges are interpolated.
     """
-    paths = [series.path() for series in chart.series]
-    edges = [edge for ribbon in chart.ribbons for edge in (ribbon.high, ribbon.low)]
-    table = np.stack([paths[0][0], *(y for _, y in paths), *edges]).astype(float)
-    table = table[:, np.isfinite(table).all(axis=0)]
+    paths = [(*series.path(), series.points) for series in chart.series]
+    paths += [(one.x, edge, False) for one in chart.ribbons for edge in (one.high, one.low)]
+    if all(np.array_equal(x, paths[0][0]) for x, *_ in paths):
+        table = np.stack([paths[0][0], *(y for _, y, _ in paths)]).astype(float)
+        table = table[:, np.isfinite(table).all(axis=0)]
+    else:
+        table = _on_one_axis(paths)
     if chart.marker is not None and table.shape[1]:  # three rows with one x are a vertical line
         at = nearest(table[0], chart.marker)
         table = np.insert(table, [at, at], table[:, [at]], axis=1)
@@ -144,6 +149,17 @@ def columns(chart: Chart) -> tuple[Array, ...]:
         flags.append((np.arange(len(x)) == nearest(x, chart.marker) + 1).astype(float))
     flags += [stage.inside(x).astype(float) for stage in chart.stages]
     return tuple(np.ascontiguousarray(column) for column in (*table, *flags))
+
+
+def _on_one_axis(paths: Sequence[tuple[Array, Array, bool]]) -> Array:
+    """The union of all x, then each column on it; entries are x, y, whether only its points are drawn."""
+    union = np.unique(np.concatenate([x for x, _, _ in paths]))
+    rows = [union]
+    for x, y, points in paths:
+        inside = (union >= x[0]) & (union <= x[-1])
+        kept = np.isin(union, x) if points else inside
+        rows.append(np.where(kept, np.interp(union, x, y), np.nan))
+    return np.array(rows)
 
 
 def nearest(x: Array, value: float) -> int:
@@ -184,8 +200,7 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         entries.append(entry | {"points": {"show": series.points, "size": 5, "fill": series.colour}})
     for ribbon in chart.ribbons:
         edge = {"stroke": ribbon.colour, "width": RIBBON_WIDTH, "scale": "y", "points": {"show": False}}
-        label = ribbon.label.removeprefix("± ")
-        entries += [edge | {"label": label and f"{sign}{label}"} for sign in ("+", "−")]
+        entries += [edge | {"label": label} for label in (ribbon.label, "")]
     line = {"stroke": COLOURS.playhead, "width": 1.5, **FLAGS}
     if chart.highlights is not None:
         entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})

@@ -17,4 +17,4 @@ from flexviz.charts.chart import (
 )
 from flexviz.charts.files import chart_csv, chart_name, charts_zip
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb
-from flexviz.charts.svg import FILE, PICTURE, draw_svg
+from flexviz.charts.svg import FILE, PAGE, PICTURE, SvgTheme, draw_svg, limits

@@ -14,8 +14,9 @@ from flexviz.arrays import Indices
 from flexviz.charts.chart import Array, Chart, ChartSeries, Ribbon
 from flexviz.charts.palette import COLOURS
 
-LEFT, RIGHT, TOP, BOTTOM = 74, 12, 10, 46  # [px] margins around the plot area, without the legend
+RIGHT, TOP, BOTTOM = 12, 10, 46  # [px] margins around the plot area, without the legend
 CHARACTER_WIDTH = 6.4  # [px] mean, in the legend
+WIDEST = 7.0  # [px] mean width of a character, at most
 LEGEND_ROW = 20  # [px] height
 MAX_LABEL = 42  # characters of a legend entry
 LINE_TOLERANCE = 1.2  # [0.1 px] points closer to the simplified line are dropped
@@ -33,11 +34,13 @@ class SvgTheme:
         width: [px]; the height follows from chart and legend.
         ink: colour of text and grid lines.
         standalone: set size and font, for a separate file instead of an inline picture.
+        left: [px] margin, for the labels of y.
     """
 
     width: int
     ink: str
     standalone: bool
+    left: int = 74
 
 
 PAGE = SvgTheme(720, "#222222", standalone=False)
@@ -77,7 +80,7 @@ class _Plane:
 
     def __init__(self, chart: Chart, theme: SvgTheme, top: int) -> None:
         self.top, self.bottom = top, top + chart.height - TOP - BOTTOM
-        self.left, self.right = LEFT, theme.width - RIGHT
+        self.left, self.right = theme.left, theme.width - RIGHT
         paths = [series.path() for series in chart.series]
         xs = [x for x, _ in paths] + [r.x for r in chart.ribbons]
         ys = [y for _, y in paths] + [v for r in chart.ribbons for v in (r.low, r.high)]
@@ -125,9 +128,11 @@ def _axes(chart: Chart, plane: _Plane, theme: SvgTheme, height: int) -> Iterator
         if not chart.x.ticks:
             yield _rule(at, top, at, bottom, theme.ink, strong=value == 0)
         yield _text(at, bottom + 170, label)
-    yield _text((left + right) // 2, 10 * height - 60, chart.x.text)
+    middle, half = (left + right) // 2, round(5 * WIDEST * len(chart.x.text))
+    yield _text(max(min(middle, 10 * theme.width - half), half), 10 * height - 60, chart.x.text)
     middle = (plane.top + plane.bottom) / 2
-    yield f'<g transform="translate(14 {middle:g}) rotate(-90)">{_text(0, 0, chart.y.text)}</g>'
+    most = 2 * min(middle, height - middle)
+    yield f'<g transform="translate(14 {middle:g}) rotate(-90)">{_text(0, 0, chart.y.text, most=most)}</g>'
 
 
 def _ribbon(ribbon: Ribbon, plane: _Plane) -> str:
@@ -163,13 +168,13 @@ LegendEntry = tuple[int, int, ChartSeries | Ribbon]  # row, x [px], entry
 def _legend_places(chart: Chart, theme: SvgTheme) -> tuple[list[LegendEntry], int]:
     """Positions of the legend entries, wrapped into rows, and the number of rows."""
     places: list[LegendEntry] = []
-    row, x = 0, LEFT
+    row, x = 0, theme.left
     for entry in (*chart.series, *chart.ribbons):
         if not entry.label:
             continue
         width = 40 + math.ceil(CHARACTER_WIDTH * len(_short(entry.label)))
-        if x > LEFT and x + width > theme.width - RIGHT:
-            row, x = row + 1, LEFT
+        if x > theme.left and x + width > theme.width - RIGHT:
+            row, x = row + 1, theme.left
         places.append((row, x, entry))
         x += width
     return places, row + 1 if places else 0
@@ -212,7 +217,8 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     every = max(1, math.ceil((high - low) / 7))
     powers = [power for power in range(math.floor(low), math.ceil(high) + 1) if power % every == 0]
     values = [digit * 10.0**power for power in powers for digit in digits]
-    return [(v, f"{v:g}".replace("-", "−")) for v in values if low <= math.log10(v) <= high]
+    shown = [value for value in values if low <= math.log10(value) <= high]
+    return [(value, f"{value:g}".replace("e-0", "e-").replace("-", "−")) for value in shown]
 
 
 def thinned(x: Pixels, y: Pixels) -> tuple[Pixels, Pixels]:
@@ -248,8 +254,11 @@ def _rule(x1: int, y1: int, x2: int, y2: int, ink: str, strong: bool) -> str:
     return f'<line {ends} stroke="{ink}" stroke-opacity="{0.7 if strong else 0.2}"/>'
 
 
-def _text(x: int, y: int, text: str, anchor: str = "middle") -> str:
-    return f'<text x="{x / 10:g}" y="{y / 10:g}" text-anchor="{anchor}">{html.escape(text)}</text>'
+def _text(x: int, y: int, text: str, anchor: str = "middle", most: float = math.inf) -> str:
+    """A text, squeezed into `most` [px]."""
+    squeezed = f' textLength="{most:g}" lengthAdjust="spacingAndGlyphs"' if WIDEST * len(text) > most else ""
+    place = f'x="{x / 10:g}" y="{y / 10:g}" text-anchor="{anchor}"{squeezed}'
+    return f"<text {place}>{html.escape(text)}</text>"
 
 
 def _short(label: str) -> str:

@@ -166,6 +166,9 @@ def report(
     keep: Path | None = typer.Option(
         None, "--session", metavar="DIR", help="Also save the results as a session to a new folder."
     ),
+    animation: Path | None = typer.Option(
+        None, metavar="FILE.html", help="Also write the measured and the identified robot in motion."
+    ),
 ) -> int:
     """Write a report on a set, after a full diagnosis, or on a saved session."""
     from flexviz.parallel import on_cores, usable_cores
@@ -173,11 +176,14 @@ def report(
 
     report_kind(out)
     terminal.check_output_file(out)
+    terminal.check_output_file(animation, ".html", named=True)
     cores = on_cores(usable_cores())
     with Reporter(f"reading {source}") as progress, interruptible() as should_stop, cores:
-        done = write_report(source, out, guard=guard, keep=keep, progress=progress, should_stop=should_stop)
+        told = {"progress": progress, "should_stop": should_stop}
+        done = write_report(source, out, guard=guard, keep=keep, animation=animation, **told)
     if done.changed:
         terminal.note(f"the data have changed since the session was saved: {', '.join(done.changed)}")
-    terminal.print_lines([f"{out}: {out.stat().st_size / 1e3:.0f} kB"])
+    files = [out] if animation is None else [out, animation]
+    terminal.print_lines([f"{file}: {file.stat().st_size / 1e3:.0f} kB" for file in files])
     diagnosis = done.session.analysis.diagnosis
     return 130 if diagnosis is not None and diagnosis.stopped else 0

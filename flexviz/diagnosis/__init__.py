@@ -5,7 +5,14 @@ from flexviz.diagnosis.curve_step import CurveDraft, draft_from_curve, why_no_cu
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.pipeline import diagnose
-from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, errors_along, prediction_errors
+from flexviz.diagnosis.prediction_errors import (
+    BAND_HERTZ,
+    PredictionErrors,
+    TorqueOverTime,
+    errors_along,
+    prediction_errors,
+    torque_over_time,
+)
 from flexviz.diagnosis.residual_location import locate_residual, maps_of
 from flexviz.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
 from flexviz.diagnosis.result import Diagnosis, EffectParameter, Evidence, Finding, Step
@@ -45,6 +52,7 @@ __all__ = [
     "ResidualMap",
     "Step",
     "Tie",
+    "TorqueOverTime",
     "check_bandwidth",
     "diagnose",
     "draft_from_curve",
@@ -53,6 +61,7 @@ __all__ = [
     "locate_residual",
     "maps_of",
     "prediction_errors",
+    "torque_over_time",
     "why_no_curve",
     "with_free_curve",
 ]

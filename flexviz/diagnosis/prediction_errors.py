@@ -103,6 +103,41 @@ class PredictionErrorBand:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class TorqueOverTime:
+    """The longest stretch of a group below `BAND_HERTZ`.
+
+    Attributes:
+        time: shape (N,) [s], within the group.
+        torque: measured, shape (N, n) [Nm].
+        residuals: of every model, shape (N, n) [Nm] each.
+    """
+
+    time: Array
+    torque: Array
+    residuals: tuple[Array, ...]
+
+
+def torque_over_time(
+    measurements: MeasurementSet, group: str, models: Sequence[tuple[FlexibleModel, Sequence[str]]]
+) -> TorqueOverTime | None:
+    """Torque of a group and what models leave of it; each with its effects besides those of the set.
+
+    None where the group is too short for the band.
+    """
+    band = PredictionErrorBand(measurements)
+    signals = band.signals
+    stretches = [b.rows for b in signals.blocks if signals.groups[b.group].name == group]
+    if not stretches:
+        return None
+    rows = max(stretches, key=lambda one: one.stop - one.start)
+    layouts = [(layout_of(measurements, effects), model) for model, effects in models]
+    fits = [Known(layout, layout.vector(model)) for layout, model in layouts]
+    return TorqueOverTime(
+        signals.time[rows], signals.tau[0, rows], tuple(band.errors(fit).residual[rows] for fit in fits)
+    )
+
+
 def prediction_errors(
     measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str] = ()
 ) -> PredictionErrors:

@@ -15,6 +15,7 @@ from flexviz.arrays import Array
 from flexviz.equation import INERTIAL_NAMES, LinkDynamics
 from flexviz.robot import Robot
 
+NAMED = 1e-3  # of the largest factor of a base parameter: smaller terms are not in its name
 DEPENDENT = 1e-7  # size of a column, and what is left of it, below which it counts as dependent
 _PREFERRED = (9, 1, 2, 3, 4, 5, 6, 7, 8, 0)  # izz, mx, my, mz, ixx … iyz, mass
 
@@ -53,7 +54,7 @@ def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
     names = []
     for row, column in zip(matrix, kept, strict=True):
         terms = [_name(robot, column)]
-        for other in np.flatnonzero(row):
+        for other in np.flatnonzero(np.abs(row) >= NAMED * np.abs(row).max()):
             if other != column:
                 sign = "−" if row[other] < 0 else "+"
                 terms.append(f"{sign} {abs(row[other]):.4g} {_name(robot, int(other))}")

@@ -14,7 +14,7 @@ rounded it in the residual.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 
 BINS = (32, 16, 8)
+FINE = 400  # bins in which the law is drawn
 PRIOR = 0.3  # of the joint's torque or deflection: how far a bin may lie from the law
 CLEAR = 0.05  # of the law's size: noise of a bin above which there are fewer bins
 ROBUST_STEPS, HUBER, MEDIAN = 5, 2.0, 0.6745  # MEDIAN: of |x| relative to the standard deviation
@@ -59,6 +60,8 @@ class LawThroughData:
         noise: the part of that standard error that stems from the sensors' noise.
         count: instants of the fine grid in each bin.
         leftover: rms of what bins and model leave, relative to the sensors' noise.
+        fine_at, fine_law, fine_std: the law and its standard error on a fine grid of the variable, shape
+            (F,); empty in results of earlier versions.
     """
 
     effect: str
@@ -77,6 +80,18 @@ class LawThroughData:
     noise: Array
     count: Array
     leftover: float
+    fine_at: Array = field(default_factory=lambda: np.zeros(0))
+    fine_law: Array = field(default_factory=lambda: np.zeros(0))
+    fine_std: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def line(self) -> tuple[Array, Array, Array]:
+        """The variable, the law and its standard error as they are drawn."""
+        return (
+            (self.fine_at, self.fine_law, self.fine_std)
+            if len(self.fine_at)
+            else (self.at, self.law, self.law_std)
+        )
 
     @property
     def chi_square(self) -> float:
@@ -192,29 +207,19 @@ class _Drawing:
         at = [variable.of(one) for one in stretches]
         per = [variable.per(one) * self._acts(effect, k) for k, one in enumerate(stretches)]
         index = binned(at, per, bins)
-        whole, weight = np.concatenate(index), np.concatenate(per)
-        inside = whole >= 0
-
-        def sums(column: Array) -> Array:
-            return np.bincount(whole[inside], column[inside], bins).astype(float)
-
-        count, power = sums(np.ones(len(whole))), sums(weight**2)
-        used = (count >= FEWEST) & (power > 0)
-        centres = sums(np.concatenate(at))[used] / count[used]
-        law = sums(np.concatenate([one.u for one in stretches]) * weight)[used] / power[used]
-        slope = np.array([sums(row * weight)[used] / power[used] for row in np.concatenate(slopes, axis=1)])
-        law_std = np.sqrt(np.maximum(np.einsum("pb,pq,qb->b", slope, covariance, slope), 0.0))
-        size = np.ptp(law) + np.abs(law).max(initial=1e-12) if used.any() else 1.0
-        prior = max(
-            float(size), self._size[int(kind.entry == "deflection"), joint] / np.sqrt(np.mean(weight**2))
-        )
-        left, noise, std, leftover = self._left(kind.entry, joint, index, per, np.flatnonzero(used), prior)
-        kept = noise <= max(SHOWN * float(size), float(noise.min(initial=np.inf)))
+        means = _Means(at, per, [one.u for one in stretches], slopes, covariance)
+        coarse = means.of(index, bins, FEWEST)
+        fine = means.of(binned(at, per, FINE), FINE, 1)
+        law, size = coarse.law, max(float(np.ptp(fine.law) + np.abs(fine.law).max(initial=0.0)), 1e-12)
+        mean_square = np.mean(np.concatenate(per) ** 2)
+        prior = max(size, self._size[int(kind.entry == "deflection"), joint] / np.sqrt(mean_square))
+        left, noise, std, leftover = self._left(kind.entry, joint, index, per, coarse.bins, prior)
+        kept = noise <= max(SHOWN * size, float(noise.min(initial=np.inf)))
         sign, quantity, unit = _vertical(variable, kind.entry == "deflection")
         return LawThroughData(
             effect.effect, name, effect.group, effect.payload, f"{variable.label} of {name}", variable.unit,
-            quantity, unit, centres[kept], sign * law[kept], law_std[kept], sign * (law + left)[kept],
-            std[kept], noise[kept], count[used][kept], leftover,
+            quantity, unit, coarse.at[kept], sign * law[kept], coarse.std[kept], sign * (law + left)[kept],
+            std[kept], noise[kept], coarse.count[kept], leftover, fine.at, sign * fine.law, fine.std,
         )  # fmt: skip
 
     def _left(
@@ -282,6 +287,45 @@ class _Drawing:
             )
             for k, (motion, fine) in enumerate(zip(context.motions(joint), context.fine(), strict=True))
         ]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _BinnedLaw:
+    """Mean of a law in the bins that hold enough; arrays have shape (B,)."""
+
+    bins: Indices
+    at: Array
+    law: Array
+    std: Array
+    count: Array
+
+
+class _Means:
+    """Means of a law over bins: u (N,) and its slopes (P, N) in every stretch, divided by `per` (N,)."""
+
+    def __init__(
+        self, at: list[Array], per: list[Array], u: list[Array], slopes: list[Array], covariance: Array
+    ) -> None:
+        self._at, self._per = np.concatenate(at), np.concatenate(per)
+        self._u, self._slopes = np.concatenate(u), np.concatenate(slopes, axis=1)
+        self._covariance = covariance
+
+    def of(self, index: list[Indices], bins: int, fewest: int) -> _BinnedLaw:
+        """The means in the bins with at least `fewest` instants; index: bin of every instant, −1 for none."""
+        whole = np.concatenate(index)
+        inside = whole >= 0
+
+        def sums(column: Array) -> Array:
+            return np.bincount(whole[inside], column[inside], bins).astype(float)
+
+        count, power = sums(np.ones(len(whole))), sums(self._per**2)
+        used = (count >= fewest) & (power > 0)
+        law = sums(self._u * self._per)[used] / power[used]
+        slope = np.array([sums(row * self._per)[used] / power[used] for row in self._slopes])
+        variance = np.einsum("pb,pq,qb->b", slope, self._covariance, slope)
+        centres = sums(self._at)[used] / count[used]
+        std = np.sqrt(np.maximum(variance, 0.0))
+        return _BinnedLaw(np.flatnonzero(used), centres, law, std, count[used])
 
 
 def tukey(count: int, taper: float) -> Array:

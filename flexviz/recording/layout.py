@@ -55,7 +55,7 @@ def blueprint(
         rows.append(_convergence(solves[-1].number))
     if not rows:
         rows.append(rrb.Tabs(*(_measured(group) for group in groups), name="Measured"))
-    shares = [2.0 if row.name == "States" else 1.0 for row in rows]
+    shares = [1.4 if row.name == "States" and len(rows) > 2 else 1.0 for row in rows]
     contents = rrb.Horizontal(left, rrb.Vertical(*rows, row_shares=shares), column_shares=[2, 3])
     # loop over the groups' time only, not over that of a long solve
     first = min(group.segments[0].time[0] for group in groups if group.segments)
@@ -175,6 +175,8 @@ def _where_it_fails(
         views.append(drawing(f"{where}/map", "joint × variable"))
         views.append(rrb.Tabs(*curves, name="against each variable"))
     if diagnoses:
+        if any(finding.law is not None for one in diagnoses for finding in one.findings):
+            views.insert(0, drawing(path("diagnoses", number, "laws"), "Laws through the data"))
         views.append(drawing(path("diagnoses", number, "staircase"), "Errors step by step"))
         if evidence := _evidence(diagnoses[-1], number):
             views.append(rrb.Tabs(*evidence, name="Evidence"))
@@ -219,18 +221,22 @@ def _convergence(result: int) -> rrb.Container:
         query=rrb.archetypes.DataframeQuery(timeline=ITERATION),
     )
     return rrb.Tabs(
-        rrb.Horizontal(
-            plot("Cost relative to the start, log10", origin, ["$origin/log10_cost"], legend=False),
-            plot("Step, log10", origin, ["$origin/log10_step"], legend=False),
-            plot(
-                "Parameters / last value, thin lines: ± 95 %",
-                origin,
-                ["$origin/relative", "$origin/interval"],
-                legend=False,
+        rrb.Vertical(
+            rrb.Horizontal(
+                plot("Cost relative to the start, log10", origin, ["$origin/log10_cost"], legend=False),
+                plot("Step, log10", origin, ["$origin/log10_step"], legend=False),
+                plot(
+                    "Parameters / last value, thin lines: ± 95 %",
+                    origin,
+                    ["$origin/relative", "$origin/interval"],
+                    legend=False,
+                ),
+                name=f"Convergence of result {result} (time: s since the start)",
             ),
-            name=f"Convergence of result {result} (time: s since the start)",
+            rrb.StateTimelineView(origin=f"{origin}/stage", name="Stages"),
+            row_shares=[4, 1],
+            name="Convergence",
         ),
         table,
-        rrb.TextLogView(origin=f"{origin}/stage", name="Stages"),
         name="Convergence",
     )

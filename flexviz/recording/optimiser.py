@@ -11,7 +11,7 @@ import rerun as rr
 from flexviz.charts import rgb
 from flexviz.identification import Identification
 from flexviz.progress import Iteration
-from flexviz.recording.paths import ITERATION, TIME, parameter_path, path
+from flexviz.recording.paths import ITERATION, TIME, estimate_path, parameter_path, path
 from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
 from flexviz.statistics import NORMAL_95
@@ -69,8 +69,8 @@ class Solve:
             logarithm = np.log10(np.where(usable, shown, np.nan))
             style = (f"log10 {name}", series_colour(colour)) if first == 0 else ("", "")
             send_line(self._stream, f"{where}/log10_{name}", indexes, logarithm, *style)
-        stages = rr.TextLog.columns(text=[iteration.stage for iteration in iterations])
         where = path("results", self.number, "optimiser", "stage")
+        stages = rr.StateChange.columns(state=[iteration.stage for iteration in iterations])
         self._stream.send_columns(where, self._indexes(rows), stages)
         for name in parameter_names(iterations):
             inside, values = self._values(name, rows)
@@ -82,6 +82,7 @@ class Solve:
         Iterations without a time of arrival are spread evenly.
         """
         self.result = result
+        self._send_estimates(result)
         rest = result.iterations[len(self._iterations) :]
         begun = self._seconds[-1] if self._seconds else 0.0
         for place, iteration in enumerate(rest, 1):
@@ -111,6 +112,13 @@ class Solve:
             style = rr.SeriesLines(names=labels, colors=[colours[k // 2] for k in chosen], widths=0.5)
             self._stream.log(entity, style, static=True)
             self._stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=ends[:, known]))
+
+    def _send_estimates(self, result: Identification) -> None:
+        """Every parameter's value and variance, for all times."""
+        for p in result.parameters:
+            known = {"value": p.value, "variance": p.std**2}
+            values = rr.AnyValues(**known, unit=p.unit, identifiable=p.identifiable)
+            self._stream.log(estimate_path(self.number, p.label), values, static=True)
 
     def _values(self, name: str, rows: Sequence[int]) -> tuple[list[int], np.ndarray]:
         """Rows where a parameter is estimated, and its values."""

@@ -13,12 +13,13 @@
     /results/<number>/groups/<group>/simulated/<signal>/<joint>  the simulated model: theta, q, tau
     /results/<number>/optimiser/cost, step, stage, log10_cost, log10_step
     /results/<number>/optimiser/parameters/<parameter>/<joint>
+    /results/<number>/estimates/<parameter>/<joint>   value and variance, unit, identifiable
     /results/<number>/optimiser/relative              all parameters, divided by their last values
     /results/<number>/optimiser/interval              both ends of their final 95 % intervals, likewise
     /diagnoses/<number>/verdict                       text: the verdict and the ranked findings
     /diagnoses/<number>/json                          the same in the format of `diagnose --json`
-    /diagnoses/<number>/staircase, free                   drawings: the errors step by step, a free curve
-    /results/<number>/map, curves/<joint>                 drawings: where this model fails
+    /diagnoses/<number>/staircase, laws, free             pictures: errors step by step, laws, a free curve
+    /results/<number>/map, curves/<joint>                 pictures: where this model fails
     /diagnoses/<number>/map, curves/<joint>               the same of a diagnosis' final model
     /diagnoses/<number>/evidence/<rank>/<group>/residual, signature
 
@@ -66,6 +67,12 @@ def observer_name(observer: Observer) -> str:
     """Observer name, bandwidth (one or one per joint) and a hash of gains set by hand: "eso-40-60"."""
     own = [f"gains-{sha256(repr(observer.gains).encode()).hexdigest()[:6]}"] if observer.gains else []
     return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth)), *own])
+
+
+def estimate_path(number: int, name: str) -> str:
+    """The entity of the value and variance of a result's parameter "stiffness:joint1"."""
+    parameter, _, joint = name.partition(":")
+    return path("results", number, "estimates", parameter, *([joint] if joint else []))
 
 
 def parameter_path(number: int, name: str) -> str:

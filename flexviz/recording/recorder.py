@@ -17,7 +17,14 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.progress import Iteration
 from flexviz.recording import signals, texts
-from flexviz.recording.charts import MAX_EVIDENCE, send_charts, send_evidence, send_maps, step_names
+from flexviz.recording.charts import (
+    MAX_EVIDENCE,
+    send_charts,
+    send_evidence,
+    send_laws,
+    send_maps,
+    step_names,
+)
 from flexviz.recording.layout import blueprint
 from flexviz.recording.optimiser import Solve
 from flexviz.recording.paths import ABOUT, LOG, observer_name, path
@@ -166,6 +173,9 @@ class Recorder:
         staircase = staircase_chart(steps, ticks=step_names(steps))
         send_charts(self.stream, f"{where}/staircase", [staircase])
         send_maps(self.stream, where, joints, diagnosis.maps)
+        found = [one.law for each in self.diagnoses for one in each.findings if one.law is not None]
+        laws = {(law.effect, law.joint, law.group, law.payload): law for law in found}
+        send_laws(self.stream, where, list(laws.values()))
         send_charts(self.stream, f"{where}/free", [free_chart(diagnosis.free_curve)])
         for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
             send_evidence(self.stream, number, rank, finding)

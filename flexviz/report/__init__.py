@@ -1,5 +1,6 @@
 """Reports as one self-contained file: of a session, or of any sections of paragraphs, tables and charts."""
 
+from flexviz.report.animation import session_animation
 from flexviz.report.blocks import (
     Block,
     Callout,
@@ -28,6 +29,7 @@ __all__ = [
     "explanation",
     "html",
     "section",
+    "session_animation",
     "session_report",
     "table",
 ]

@@ -8,7 +8,8 @@ from typing import Literal
 
 from flexviz.charts import Chart
 
-FIGURE_HEIGHT = 260  # [px] of a chart without its legend
+FIGURE_HEIGHT = 230  # [px] of a chart without its legend
+SMALL_HEIGHT = 190  # [px] of one of three side by side
 Tone = Literal["", "good", "missing", "unknown", "warn"]
 
 
@@ -65,6 +66,24 @@ class ReportTable:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A drawing with its caption: elements of SVG in a frame of `size` (width, height) [px]."""
+
+    title: str
+    description: str
+    size: tuple[int, int]
+    elements: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Charts and pictures side by side, in rows of `columns`; of a chart's texts only title and note show."""
+
+    figures: Sequence[Chart | Picture]
+    columns: int = 3
+
+
+@dataclass(frozen=True)
 class Items:
     """A bulleted list."""
 
@@ -79,7 +98,7 @@ class Listing:
     language: str
 
 
-Block = Paragraph | Callout | Tiles | ReportTable | Chart | Items | Listing
+Block = Paragraph | Callout | Tiles | ReportTable | Chart | Figures | Items | Listing
 
 
 @dataclass(frozen=True)

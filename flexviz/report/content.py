@@ -10,6 +10,7 @@ from flexviz.diagnosis import Diagnosis, Finding, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
+from flexviz.model import FlexibleModel
 from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
 from flexviz.wording import MergedFinding, found_shares, merged_findings, merged_texts, step_shares, text_runs
 
@@ -21,6 +22,15 @@ class DiagnosisRound:
     model: ModelStep
     diagnosis: Diagnosis | None
     added: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedModel:
+    """A model that is drawn: "before", "after" or "model", and its effects besides those of the set."""
+
+    name: str
+    model: FlexibleModel
+    effects: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +128,28 @@ class ReportContent:
         if diagnosis is None or diagnosis.verdict != "missing" or not diagnosis.findings:
             return None
         return merged_findings(diagnosis.findings, found_shares(diagnosis))[0]
+
+    @property
+    def compared(self) -> list[ComparedModel]:
+        """The first and the present model, or the identified one; those that are known."""
+        rounds = [*self.rounds[:1], *self.rounds[1:][-1:]]
+        names = ("before", "after") if len(rounds) > 1 else ("model",)
+        if not rounds and self.identification is not None:
+            return [ComparedModel("model", self.identification.model, tuple(self.analysis.effects))]
+        return [
+            ComparedModel(name, one.model.step.model, one.model.effects)
+            for name, one in zip(names, rounds, strict=False)
+            if one.model.step.model is not None
+        ]
+
+    @property
+    def shown_group(self) -> str | None:
+        """The longest held-out group, else the longest fitted one."""
+        roles = dict(self.analysis.roles)
+        groups = [group for group in self.measurements.groups if roles.get(group.name) != "ignore"]
+        held_out = [group for group in groups if roles.get(group.name) == "validate"]
+        longest = max(held_out or groups, key=lambda group: group.duration, default=None)
+        return None if longest is None else longest.name
 
     @property
     def parameters(self) -> tuple[ParameterEstimate, ...]:

@@ -6,19 +6,21 @@ All text is escaped on insertion; the content security policy forbids the browse
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
-from flexviz.charts import COLOURS, Chart, css, draw_svg, rgb
+from flexviz.charts import COLOURS, PAGE, Chart, SvgTheme, css, draw_svg, rgb
 from flexviz.report import blocks
 from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 DARK_SHADE = 0.9  # cells darker than this get white text
-SHORT_TABLE = 16  # rows up to which a table is kept on one page
+SHORT_TABLE = 7  # rows up to which a table is kept on one page
 MAX_WORD = 18  # [characters] up to which a column is widened for a word
 COLUMN_GAP = 2  # [characters]
 PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in small print
+SIZES = {2: (420, 74), 3: (345, 76)}  # [px] width and left margin of figures in so many columns
 MAX_LABEL = 30  # [characters] of a callout's label
 
 
@@ -65,9 +67,13 @@ def _block(block: blocks.Block, figures: Iterator[int]) -> str:
             )
             return f'<dl class="tiles">{cells}</dl>'
         case Chart():
-            figure = next(figures)
-            caption = f"<b>Figure {figure}. {escape(block.title)}.</b> {escape(block.description)}"
-            return f"<figure>{draw_svg(block, f'f{figure}')}<figcaption>{caption}</figcaption></figure>"
+            return _figure(block, block.description, figures, PAGE)
+        case blocks.Figures():
+            columns = max(min(block.columns, len(block.figures)), 2)
+            width, left = SIZES[columns]
+            theme = replace(PAGE, width=width, left=left)
+            cells = (_figure(one, _note(one), figures, theme) for one in block.figures)
+            return f'<div class="figures of{columns}">{"".join(cells)}</div>'
         case blocks.Items():
             return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
         case blocks.Listing():
@@ -76,11 +82,38 @@ def _block(block: blocks.Block, figures: Iterator[int]) -> str:
             return _table(block)
 
 
+def _figure(figure: Chart | blocks.Picture, text: str, figures: Iterator[int], theme: SvgTheme) -> str:
+    number = next(figures)
+    key = f"f{number}"
+    svg = draw_svg(figure, key, theme) if isinstance(figure, Chart) else _drawing(figure, key, theme)
+    caption = f"<b>Figure {number}. {escape(figure.title)}.</b> {escape(text)}"
+    return f"<figure>{svg}<figcaption>{caption}</figcaption></figure>"
+
+
+def _drawing(picture: blocks.Picture, key: str, theme: SvgTheme) -> str:
+    width, height = picture.size
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-labelledby="{key}-t {key}-d" fill="{theme.ink}">',
+        f'<title id="{key}-t">{escape(picture.title)}</title>',
+        f'<desc id="{key}-d">{escape(picture.description)}</desc>',
+        *picture.elements,
+        "</svg>",
+    ]
+    return "\n".join(lines)
+
+
+def _note(figure: Chart | blocks.Picture) -> str:
+    return figure.note if isinstance(figure, Chart) else figure.description
+
+
 def _table(table: blocks.ReportTable) -> str:
     widths, dense = column_widths(table)
     kinds = [' class="n"' if i in table.numbers else "" for i in range(len(table.head))]
     head = "".join(
-        f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
+        f'<th scope="col"{kind}>{escape(title)}</th>'
+        if kind  # its cells are not broken
+        else f'<th scope="col" style="min-width:{width}ch">{escape(title)}</th>'
         for kind, width, title in zip(kinds, widths, table.head, strict=True)
     )
     rows = "".join(

@@ -24,7 +24,7 @@ def _section(section: blocks.Section, level: int) -> str:
     return "\n\n".join([*heading, *map(_block, section.blocks), *parts])
 
 
-def _block(block: blocks.Block) -> str:
+def _block(block: blocks.Block | blocks.Picture) -> str:
     match block:
         case blocks.Paragraph():
             return plain(block.text)
@@ -35,8 +35,10 @@ def _block(block: blocks.Block) -> str:
                 f"- {plain(t.label)}: **{plain(t.value)}**" + (f" ({plain(t.note)})" if t.note else "")
                 for t in block.tiles
             )
-        case Chart():
+        case Chart() | blocks.Picture():
             return f"*{plain(block.title)}.* {plain(block.description)}"
+        case blocks.Figures():
+            return "\n\n".join(map(_block, block.figures))
         case blocks.Items():
             return "\n".join(f"- {plain(item)}" for item in block.items)
         case blocks.Listing():

@@ -20,11 +20,12 @@ from flexviz.report.sections.errors import group_rows, staircase, where
 from flexviz.report.sections.parameters import guard, parameters
 from flexviz.report.sections.reproduce import reproduce
 from flexviz.report.sections.summary import sentence, summary, warnings
+from flexviz.report.sections.torque import torque
 from flexviz.session import Session, now
 from flexviz.wording import plural
 
 SECTIONS: tuple[Callable[[ReportContent], Section | None], ...] = (
-    summary, staircase, effects, why, parameters, where, telling_apart, guard, reproduce,
+    summary, staircase, torque, effects, why, parameters, where, telling_apart, guard, reproduce,
 )  # fmt: skip
 KINDS = ("html", "md", "json")
 FORMAT = 1  # of the JSON

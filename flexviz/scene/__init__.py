@@ -6,6 +6,7 @@ from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scen
 from flexviz.scene.shape import (
     RobotShape,
     geometry_mesh,
+    lean_shape,
     payload_place,
     robot_shape,
     thinned_mesh,

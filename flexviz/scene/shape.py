@@ -6,7 +6,7 @@ and links whose mesh is missing are drawn as capsules between joint frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -118,6 +118,18 @@ def geometry_mesh(geometry: Any, robot: Robot) -> Any | None:
             mesh.apply_scale(geometry.mesh.scale)
         return mesh
     return None
+
+
+def lean_shape(shape: RobotShape, faces: int) -> RobotShape:
+    """The shape with at most about `faces` faces per body."""
+    import trimesh
+
+    bodies = []
+    for body in shape.bodies:
+        mesh = thinned_mesh(trimesh.Trimesh(body.vertices, body.faces, process=False), faces)
+        thin = replace(body, vertices=np.asarray(mesh.vertices), faces=np.asarray(mesh.faces, np.uint32))
+        bodies.append(thin)
+    return replace(shape, bodies=tuple(bodies))
 
 
 def thinned_mesh(mesh: Any, faces: int = MAX_FACES) -> Any:

@@ -26,7 +26,7 @@ from flexviz.view.fit_charts import (
     sweep_html,
 )
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
-from flexviz.view.law_charts import law_chart, law_charts
+from flexviz.view.law_charts import law_chart, law_charts, law_difference
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
 from flexviz.view.own_robot import (
     OWN_SIGNALS,
@@ -96,4 +96,5 @@ from flexviz.view.time_charts import (
     states_charts,
     stretch,
 )
+from flexviz.view.torque_fit import torque_fit_charts
 from flexviz.view.tuning import Cost, residuals_html, trade_chart

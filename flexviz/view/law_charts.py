@@ -6,13 +6,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from flexviz.charts import COLOURS, PREFIXES, Chart, ChartAxis, ChartSeries, Ribbon
+from flexviz.charts import COLOURS, PREFIXES, Chart, ChartAxis, ChartSeries, Ribbon, limits
 from flexviz.diagnosis import Diagnosis
 from flexviz.laws import LawThroughData
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import capitalised, effect_title, lower, number
+from flexviz.wording import capitalised, effect_title, lower, percent
 
 LARGE, SMALL = 320, 200  # [px] height of the first chart and of the others
+EDGE = 0.15  # of the height: free above and below data and law, where wide intervals are cut off
 
 
 def law_chart(law: LawThroughData, height: int = LARGE) -> Chart:
@@ -20,30 +21,36 @@ def law_chart(law: LawThroughData, height: int = LARGE) -> Chart:
     largest = float(np.abs(law.law).max(initial=0.0))
     factor, prefix = next(((f, p) for f, p in PREFIXES if largest * f >= 0.1), PREFIXES[-1])
     factor, prefix = (factor, prefix) if law.quantity_unit == "rad" else PREFIXES[0]
-    data, line = factor * law.data, factor * law.law
-    data_half, law_half = (NORMAL_95 * factor * std for std in (law.data_std, law.law_std))
+    at, drawn, std = law.line
+    data, line = factor * law.data, factor * drawn
+    data_half, law_half = NORMAL_95 * factor * law.data_std, NORMAL_95 * factor * std
     title = effect_title(law.effect)
     place = law.joint + (f", {law.group}" if law.group else "") + (f", {law.payload}" if law.payload else "")
     ribbons = (
-        Ribbon("95 % of the data", COLOURS.measured, law.at, data - data_half, data + data_half),
-        Ribbon("95 % of the law", COLOURS.model, law.at, line - law_half, line + law_half),
+        Ribbon("± 95 %", COLOURS.measured, law.at, data - data_half, data + data_half),
+        Ribbon("", COLOURS.model, at, line - law_half, line + law_half),
     )
-    off, size = np.sqrt(np.mean((data - line) ** 2)), np.sqrt(np.mean(line**2))
     return Chart(
         f"law:{law.effect}:{place}",
         f"{title} of {place}: its law through the data",
         ChartAxis(law.variable, law.unit),
-        ChartAxis(law.quantity, f"{prefix}{law.quantity_unit}"),
+        ChartAxis(law.quantity, f"{prefix}{law.quantity_unit}", limits=limits([data, line], EDGE)),
         (
-            ChartSeries("law", COLOURS.model, law.at, line, 2.6),
+            ChartSeries("law", COLOURS.model, at, line, 2.6),
             ChartSeries("data", COLOURS.measured, law.at, data, 0.0, points=True),
         ),
         tuple(ribbon for ribbon in ribbons if (ribbon.high > ribbon.low).any()),
         description=f"{capitalised(law.quantity)} against the {law.variable}, in {len(law.at)} bins: what "
         f"the model leaves and the law of {lower(title)} together. Data and law differ by "
-        f"{number(100 * float(off / max(size, 1e-300)), 2)} % of the law.",
+        f"{law_difference(law)} of the law.",
         height=height,
     )  # fmt: skip
+
+
+def law_difference(law: LawThroughData) -> str:
+    """Rms of data − law in per cent of the law's rms."""
+    off = np.sqrt(np.mean((law.data - law.law) ** 2)) / max(np.sqrt(np.mean(law.law**2)), 1e-300)
+    return percent(float(off))
 
 
 def law_charts(

@@ -53,6 +53,7 @@ from flexviz.wording.merging import (
     MergedFinding,
     added_families,
     confidence_range,
+    joint_score,
     joints_text,
     merged_findings,
     merged_texts,

@@ -26,7 +26,7 @@ MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not
 def verdict_text(
     diagnosis: DiagnosisLike, added: Sequence[str] = (), *, joints: Sequence[str] = (), worst: str = ""
 ) -> str:
-    """The verdict, beginning with "Nothing is missing:", "Missing:" or "Unknown:".
+    """The verdict, beginning with "Nothing is missing:", "Missing:", "Unknown:" or "Added:".
 
     Args:
         diagnosis: the diagnosis.
@@ -41,7 +41,7 @@ def verdict_text(
         them = "it" if len(added) == 1 else "them"
         more = f"; {len(added) - MOST_NAMED} more" if len(added) > MOST_NAMED else ""
         named = "; ".join(added[:MOST_NAMED])
-        return f"{BEGINNINGS['missing']} {named}{more} (added here). With {them} {now}:{rest}"
+        return f"Added: {named}{more}. With {them} {now}:{rest}"
     beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
     if diagnosis.verdict == "missing":
         return f"{beginning} {_largest(diagnosis, joints)}."

@@ -10,8 +10,19 @@ import numpy as np
 from flexviz import view
 from flexviz.charts import Chart
 from flexviz.diagnosis import Diagnosis, ResidualMap, Step
-from flexviz.report.blocks import FIGURE_HEIGHT, Cell, ReportTable, Section, explanation, section, table
+from flexviz.report.blocks import (
+    FIGURE_HEIGHT,
+    SMALL_HEIGHT,
+    Cell,
+    Figures,
+    ReportTable,
+    Section,
+    explanation,
+    section,
+    table,
+)
 from flexviz.report.content import ReportContent
+from flexviz.report.robots import robot_picture
 from flexviz.report.sections.summary import fall
 from flexviz.wording import JointErrors, explained, number, quantity, stated_errors, text_names, total_rms
 
@@ -29,7 +40,7 @@ def staircase(content: ReportContent) -> Section | None:
     adds = "".join(f"; {k} adds {name or 'nothing'}" for k, (name, _, _) in enumerate(content.runs) if k)
     return section(
         "How the error fell" if many else "The error",
-        _chart(content, steps) if many else None,
+        *_top(content, steps),
         explanation(
             "Rms of the torque residual in multiples of the noise floor, which the sensors' noise alone "
             "would leave, in one frequency band for all models; of all joints: the mean. Held-out groups are "
@@ -41,10 +52,19 @@ def staircase(content: ReportContent) -> Section | None:
     )
 
 
+def _top(content: ReportContent, steps: Sequence[Step]) -> list[Figures]:
+    """The error step by step, beside a picture of the robot."""
+    group = content.shown_group
+    picture = None if group is None else robot_picture(content, group)
+    chart = _chart(content, steps) if len(steps) > 1 else None
+    shown = [one for one in (chart, picture) if one is not None]
+    return [Figures(shown, columns=2)] if shown else []
+
+
 def _chart(content: ReportContent, steps: Sequence[Step]) -> Chart:
     chart = view.staircase_chart(steps, spread=content.spread)
     words = f"{fall(steps, content.spread)} {chart.description}"
-    return replace(chart, description=words, height=FIGURE_HEIGHT)
+    return replace(chart, description=words, note=words, height=FIGURE_HEIGHT)
 
 
 def _groups(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
@@ -115,6 +135,11 @@ def where(content: ReportContent) -> Section | None:
     diagnosis = content.diagnosis
     if diagnosis is None or not diagnosis.maps:
         return None
+    curves = [
+        replace(chart, height=SMALL_HEIGHT, note=chart.description)
+        for chart in _curves(diagnosis)
+        if chart.series
+    ]
     return section(
         "Where the model fails",
         explanation(
@@ -123,7 +148,7 @@ def where(content: ReportContent) -> Section | None:
             "left to explain, whatever the shares."
         ),
         _map(content, diagnosis.maps),
-        *(replace(chart, height=FIGURE_HEIGHT) for chart in _curves(diagnosis) if chart.series),
+        *([Figures(curves)] if curves else []),
     )
 
 

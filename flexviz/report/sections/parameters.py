@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
-from flexviz.identification import Combination, ParameterEstimate
+from flexviz.identification import ParameterEstimate
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
+from flexviz.report.sections.settled import estimate_text, settled
 from flexviz.view import model_curve_charts, physical
-from flexviz.wording import INERTIAL, MARKS, measured_parts, number, plain_name, plural, unit_text
+from flexviz.wording import INERTIAL, MARKS, joints_text, number, plain_name, plural, unit_text
 
 MAX_TIES = 3  # listed per parameter
+MOST_PAIRS = 8  # of correlated parameters
+MAX_PLACES = 8  # columns of a table
+LARGE = ((1e-6, "M", 1e7), (1e-3, "k", 1e4))  # factor, prefix, and from which value on
 MAX_PARAMETERS = 40  # listed in the bandwidth check
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
@@ -24,10 +28,12 @@ def parameters(content: ReportContent) -> blocks.Section | None:
     if not found:
         return None
     inertial = [p for p in found if p.name in INERTIAL]
+    main = [p for p in physical(found) if p.name not in INERTIAL]
     return blocks.section(
         "Parameters",
         blocks.explanation(source(content)),
-        _main([p for p in physical(found) if p.name not in INERTIAL]),
+        *_main(main),
+        blocks.explanation(_ties(main, content.joints)) if any(p.tied_to for p in main) else None,
         *model_curve_charts(found, blocks.FIGURE_HEIGHT),
         parts=[_inertias(content, inertial)] if inertial else (),
     )
@@ -43,14 +49,8 @@ def source(content: ReportContent) -> str:
         how = "Fitted by the diagnosis, weighted by the measurement noise"
     return (
         f"{how}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. The data "
-        "determine a parameter ● well, ◐ weakly or ○ not at all; the last column lists correlated parameters."
+        "determine a parameter ● well, ◐ weakly or ○ not at all; a value less than its interval is left out."
     )
-
-
-def _value(p: ParameterEstimate | Combination) -> tuple[blocks.Cell, str, str]:
-    """A value, half of its 95 % interval, and the unit of both."""
-    value, half, unit = measured_parts(p.value, p.std, p.unit)
-    return blocks.Cell(value, strong=True), half, unit_text(unit)
 
 
 def place_of(p: ParameterEstimate) -> str:
@@ -58,20 +58,57 @@ def place_of(p: ParameterEstimate) -> str:
     return ", ".join(part for part in (p.joint, p.payload, p.group) if part) or "all joints"
 
 
-def grade(p: ParameterEstimate | Combination) -> str:
-    """Identifiability as mark and word."""
-    return f"{MARKS.get(p.identifiable, '')} {p.identifiable}"
+def _main(found: Sequence[ParameterEstimate]) -> list[blocks.Block]:
+    """A row per parameter and a column per joint, in tables of at most `MAX_PLACES` columns."""
+    kinds: dict[str, dict[str, ParameterEstimate]] = {}
+    for p in found:
+        kinds.setdefault(p.name, {})[place_of(p)] = p
+    places = list(dict.fromkeys(map(place_of, found)))
+    tables: list[blocks.Block] = []
+    for first in range(0, len(places), MAX_PLACES):
+        shown = places[first : first + MAX_PLACES]
+        rows = [_row(name, at, shown) for name, at in kinds.items() if not at.keys().isdisjoint(shown)]
+        caption = "" if first else "Parameters of joints and effects, ± 95 %"
+        head = ("parameter", *shown)
+        tables.append(blocks.table(head, rows, range(1, len(head)), caption, dense=True))
+    return tables
 
 
-def _main(found: Sequence[ParameterEstimate]) -> blocks.ReportTable:
-    rows = []
-    places = list(dict.fromkeys(place_of(p) for p in found))
-    for p in sorted(found, key=lambda p: places.index(place_of(p))):
-        ties = ", ".join(map(tied, p.tied_to[:MAX_TIES])) + (" …" if len(p.tied_to) > MAX_TIES else "")
-        mark = grade(p) + (", at its bound" if p.at_bound else "")
-        rows.append([place_of(p), plain_name(p.name), *_value(p), mark, ties])
-    head = ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to")
-    return blocks.table(head, rows, (2, 3), "Parameters of joints and effects")
+def _row(name: str, at: Mapping[str, ParameterEstimate], places: Sequence[str]) -> list[str | blocks.Cell]:
+    """Name with unit, and the value at every place; large torques and stiffnesses with the prefix k or M."""
+    unit = next(iter(at.values())).unit
+    largest = max(abs(p.value) for p in at.values())
+    factor, prefix = next(((f, p) for f, p, least in LARGE if largest >= least), (1.0, ""))
+    factor, prefix = (factor, prefix) if unit.startswith("Nm") else (1.0, "")
+    label = f"{plain_name(name)} [{prefix}{unit}]" if unit_text(unit) else plain_name(name)
+    cells = [
+        ""
+        if (p := at.get(place)) is None
+        else estimate_text(p, factor) + (", at its bound" if p.at_bound else "")
+        for place in places
+    ]
+    return [label, *cells]
+
+
+def _ties(found: Sequence[ParameterEstimate], joints: Sequence[str]) -> str:
+    """Which parameters are correlated; the same two parameters of several joints are named once."""
+    pairs: dict[tuple[str, str], dict[str, None]] = {}
+    for p in found:
+        for tie in p.tied_to[:MAX_TIES]:
+            name, _, joint = tie.partition(":")
+            own, other = plain_name(p.name), plain_name(name)
+            if joint == p.joint and joint in joints:
+                one, two = sorted((own, other))
+                pairs.setdefault((one, two), {})[joint] = None
+            else:
+                one, two = sorted((f"{own} of {place_of(p)}", tied(tie)))
+                pairs.setdefault((one, two), {})
+    texts = [
+        f"{one} and {two}" + (f" of {joints_text(list(of), joints)}" if of else "")
+        for (one, two), of in pairs.items()
+    ]
+    more = f"; {len(texts) - MOST_PAIRS} more" if len(texts) > MOST_PAIRS else ""
+    return f"Correlated, so that only a combination is known: {'; '.join(texts[:MOST_PAIRS])}{more}."
 
 
 def tied(name: str) -> str:
@@ -85,39 +122,45 @@ def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> blo
     matrix = _matrix(content, found)
     if not combinations:
         return blocks.section("Inertias", matrix)
-    good = sum(c.identifiable == "yes" for c in combinations)
+    known = [c for c in combinations if settled(c.value, c.std) and c.identifiable != "no"]
     only = blocks.explanation(
-        f"Motion determines only combinations of the inertial parameters: {good} of {len(combinations)} are "
-        "identifiable."
+        f"Motion determines only combinations of the inertial parameters, {len(known)} of "
+        f"{len(combinations)} here."
     )
-    rows = [[c.name, *_value(c), grade(c)] for c in combinations]
-    head = ("combination", "value", "± 95 %", "unit", "determined")
-    title = "Identifiable combinations of inertial parameters"
-    return blocks.section("Inertias", only, blocks.table(head, rows, (1, 2), title, dense=True), matrix)
+    rows = [[c.name, estimate_text(c), unit_text(c.unit)] for c in known]
+    head = ("combination", "value ± 95 %", "unit")
+    title = "Identified combinations of inertial parameters"
+    return blocks.section(
+        "Inertias", only, blocks.table(head, rows, (1,), title, dense=True) if rows else None, matrix
+    )
 
 
-def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> blocks.ReportTable:
+def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> blocks.ReportTable | None:
     by_place = {(p.joint, p.name): p for p in found}
     rows = []
     for joint in content.joints:
         row = [joint]
         for name in INERTIAL:
             p = by_place.get((joint, name))
-            row.append("–" if p is None else f"{number(p.value, 3)} {MARKS.get(p.identifiable, '')}")
+            row.append("–" if p is None else _inertial_text(p))
         rows.append(row)
-    caption = "Inertial parameters in the joint frame [kg, kg m, kg m²]; values without ● are not unique"
+    caption = "Inertial parameters in the joint frame [kg, kg m, kg m²]; ○ not determined"
     return blocks.table(("link moved by", *INERTIAL_HEAD), rows, range(1, 11), caption, dense=True)
 
 
+def _inertial_text(p: ParameterEstimate) -> str:
+    known = settled(p.value, p.std) and p.identifiable != "no"
+    return f"{number(p.value, 3)} {MARKS.get(p.identifiable, '')}" if known else MARKS["no"]
+
+
 def guard(content: ReportContent) -> blocks.Section | None:
-    """Changes with the observer's bandwidth, which are observer error; None without a diagnosis."""
+    """Changes with the observer's bandwidth, which are observer error; None if not examined."""
     if content.diagnosis is None:
         return None
     name = "What moves with the observer's bandwidth"
     found = content.diagnosis.guard
     if found is None:
-        option = "Not examined: use the option --guard of flexviz diagnose or flexviz report."
-        return blocks.section(name, blocks.explanation(option))
+        return None
     low, high = number(found.bandwidths[0], 3), number(found.bandwidths[-1], 3)
     holds = "Nothing changes: residuals and parameters stay within their uncertainty."
     return blocks.section(

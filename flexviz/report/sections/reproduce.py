@@ -5,12 +5,12 @@ from __future__ import annotations
 import platform
 import shlex
 from importlib.metadata import PackageNotFoundError, version
+from itertools import groupby
 
 from flexviz import __version__
 from flexviz.effects import loaded_files
 from flexviz.report.blocks import (
     Block,
-    Cell,
     Items,
     Listing,
     Paragraph,
@@ -31,8 +31,7 @@ USED = {"fit": "fit", "validate": "validate", "ignore": "not used"}
 def reproduce(content: ReportContent) -> Section:
     """Data, settings, history, command."""
     parts = [
-        section("Data", _groups(content), _files(content)),
-        section("Settings", _settings(content)),
+        section("Data and settings", _groups(content), _settings(content)),
         section("Again", *_again(content)),
         section("History", *_history(content)),
     ]
@@ -65,12 +64,6 @@ def _groups(content: ReportContent) -> ReportTable:
     return table(head, rows, tuple(range(len(head) - 4, len(head))))
 
 
-def _files(content: ReportContent) -> ReportTable:
-    rows: list[list[str | Cell]] = [[f.name, str(f.bytes), f.sha256] for f in content.fingerprint.files]
-    rows.append([Cell("the whole set", strong=True), "", Cell(content.fingerprint.sha256, strong=True)])
-    return table(("file", "bytes", "SHA-256"), rows, (1,), dense=True)
-
-
 def _settings(content: ReportContent) -> ReportTable:
     analysis, measurements, robot = content.analysis, content.measurements, content.measurements.robot
     versions = [f"{name} {_version(name)}" for name in LIBRARIES]
@@ -78,9 +71,6 @@ def _settings(content: ReportContent) -> ReportTable:
         ["measurement set", str(measurements.path)],
         ["robot", f"{robot.name} ({robot.source}), {plural(measurements.n, 'joint')}"],
         ["effects of the set", ", ".join(measurements.effects) or "none"],
-        ["effects added", ", ".join(analysis.effects) or "none"],
-        ["fitted groups", ", ".join(analysis.groups_with("fit")) or "none"],
-        ["held-out groups", ", ".join(analysis.groups_with("validate")) or "none"],
         ["torque hold", f"{measurements.torque_hold:g} s"],
     ]
     if content.identification is not None:
@@ -91,13 +81,17 @@ def _settings(content: ReportContent) -> ReportTable:
         rows.append(["refined", "yes" if found.refined else "no"])
     if content.diagnosis is not None:
         rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
+        guard = content.diagnosis.guard
+        rows.append(["bandwidth check", "none: see the option --guard" if guard is None else "see above"])
         rows.append(["time of the diagnosis", f"{number(content.diagnosis.seconds, 3)} s"])
-    rows.append(["flexviz", __version__])
-    rows.append(["Python and libraries", f"Python {platform.python_version()}, {', '.join(versions)}"])
+    rows.append(
+        ["versions", f"flexviz {__version__}, Python {platform.python_version()}, {', '.join(versions)}"]
+    )
     if content.folder is not None:
         rows.append(["session", str(content.folder)])
+    rows.append(["SHA-256 of the set", content.fingerprint.sha256])
     rows += [["recording", str(file)] for file in content.session.recordings]
-    return table(("setting", "value"), rows)
+    return table(("setting", "value"), rows, dense=True)
 
 
 def _again(content: ReportContent) -> list[Block]:
@@ -170,8 +164,10 @@ def _history(content: ReportContent) -> list[Block]:
     steps = content.session.steps
     blocks: list[Block] = []
     if len(steps) > 1:
-        rows = [[shown_time(step.when) or "–", step.label, step.version or "–"] for step in steps]
-        blocks.append(table(("when", "what", "flexviz"), rows))
+        parts = []
+        for when, group in groupby(steps, key=lambda step: (shown_time(step.when) or "–", step.version)):
+            parts.append(f"{when[0]}, flexviz {when[1] or '–'}: {'; '.join(step.label for step in group)}.")
+        blocks.append(Paragraph(" ".join(parts), quiet=True))
     if content.session.notes:
         times = [f" ({shown_time(note.when)})" if note.when else "" for note in content.session.notes]
         notes = [note.text + time for note, time in zip(content.session.notes, times, strict=True)]

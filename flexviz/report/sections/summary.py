@@ -30,7 +30,7 @@ def summary(content: ReportContent) -> Section:
         verdict,
         *(Callout(warning, "warn") for warning in warnings(content)),
         Tiles(numbers(content)),
-        *(explanation(_sentence(note, content.joints)) for note in notes),
+        *([explanation(" ".join(_sentence(note, content.joints) for note in notes))] if notes else []),
     )
 
 

@@ -1,0 +1,53 @@
+"""`python -m benchmarks.law_page OUT.html`: the law of every effect through its data, to look at.
+
+From one simulated set per effect, the one of `tests/test_laws.py`, with the right model and with a wrong one.
+Beside each picture: mean square of data − law relative to the noise.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from flexviz.charts import Chart
+from flexviz.effects import EFFECTS
+from flexviz.laws import LawThroughData
+from flexviz.report import ReportDocument, Section, html
+from flexviz.report.blocks import Figures
+from flexviz.view import law_chart
+from tests.test_laws import OTHER, last_law, simulated
+
+HEIGHT = 190  # [px] of a chart
+
+
+def charts() -> Iterator[Chart]:
+    """Two charts per effect: the right model, then a wrong one on the same data."""
+    for effect in EFFECTS:
+        with tempfile.TemporaryDirectory() as folder:
+            measurements, right = simulated(effect, Path(folder) / "set")
+            wrong = f"{OTHER.get(effect, 'torque_gain')}:{measurements.joints[1]}"
+            yield drawn(f"{effect}", last_law(measurements, right, refine=True))
+            yield drawn(f"wrong for {effect}", last_law(measurements, (wrong,), refine=False))
+        print(effect, flush=True)
+
+
+def drawn(key: str, law: LawThroughData) -> Chart:
+    """The law's chart with its misfit."""
+    chart = law_chart(law, HEIGHT)
+    note = f"{key}; mean square {law.chi_square:.2g}, leftover {law.leftover:.2g}"
+    return replace(chart, key=key, title=chart.title.partition(":")[0], note=note)
+
+
+def main(words: list[str]) -> int:
+    out = Path(words[0])
+    sections = [Section("Right model, and a wrong one", [Figures(list(charts()), columns=2)])]
+    document = ReportDocument("Laws through simulated data", f"{len(EFFECTS)} effects", [], sections, "")
+    out.write_text(html(document), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

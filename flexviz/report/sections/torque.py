@@ -1,0 +1,43 @@
+"""The robot, and measured against model torque of every joint in a held-out group, before and after."""
+
+from __future__ import annotations
+
+from flexviz import view
+from flexviz.diagnosis import torque_over_time
+from flexviz.errors import InputError
+from flexviz.report.blocks import SMALL_HEIGHT, Figures, Section, explanation, section
+from flexviz.report.content import ReportContent
+from flexviz.report.sections.summary import judged
+from flexviz.wording import normalised, percent
+
+
+def torque(content: ReportContent) -> Section | None:
+    """Small charts, one per joint; None without a model or where the data are not those of the results."""
+    group, models = content.shown_group, content.compared
+    if group is None or not models or content.changed:
+        return None
+    try:
+        pairs = [(one.model, one.effects) for one in models]
+        found = torque_over_time(content.measurements, group, pairs)
+    except InputError:  # records too short for the band
+        found = None
+    if found is None:
+        return None
+    rounds = [*content.rounds[:1], *content.rounds[1:][-1:]]
+    names = [one.name for one in models]
+    steps = [one.model.step for one in rounds] or list(content.identified)
+    notes = [""] * len(content.joints)
+    if steps:
+        errors = [normalised(judged(step), content.spread) for step in steps]
+        notes = [
+            "Error " + " → ".join(percent(error[j]) for error in errors) + " of the torque."
+            for j in range(len(content.joints))
+        ]
+    held_out = content.measurements.group(group).validation
+    kind = "held out: it was not fitted" if held_out else "fitted"
+    first = "before: model 0; after: the present model. " if len(names) > 1 else ""
+    return section(
+        "Measured and model torque",
+        explanation(f"Group {group} ({kind}), below 5 Hz; {first}In a good model the lines coincide."),
+        Figures(view.torque_fit_charts(found, content.joints, names, notes, SMALL_HEIGHT)),
+    )
