@@ -12,7 +12,7 @@ from flexviz.report.blocks import Picture
 from flexviz.report.content import ReportContent
 from flexviz.scene import RobotShape, lean_shape, robot_shape, scene_layout
 from flexviz.view import LinkColours, link_colours
-from flexviz.wording import escape, mean_nrms, percent
+from flexviz.wording import escape
 
 FACES = 300  # of a link
 SIZE = (420, 250)  # [px] of the picture of one robot or two
@@ -29,7 +29,7 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
     if not steps:
         return None
     chosen = (steps[0], steps[-1]) if len(steps) > 1 else steps
-    found = [link_colours(step, group, content.spread, chosen) for step in chosen]
+    found = [link_colours(step, content.spread, chosen) for step in chosen]
     colours = [one for one in found if one is not None]
     if len(colours) < len(chosen):
         return None
@@ -48,10 +48,9 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
     for k, (one, name) in enumerate(zip(colours, names, strict=True)):
         at = np.array([(k + 0.5) * pitch, middle])
         parts += faces(shape, poses, view, layout.centre, scale, at, one)
-        error = percent(mean_nrms(one.rms.tolist(), content.spread))
-        label = escape(f"{name}: {error} of the torque" if name else f"{error} of the torque")
+        label = escape(f"{name}: {one.errors.text()}" if name else one.errors.text())
         parts.append(f'<text x="{at[0]:g}" y="16" text-anchor="middle">{label}</text>')
-    told = f"Links are coloured by their joint's error in {group}"
+    told = f"Links are coloured by their joint's error"
     told += ", before and after." if len(chosen) > 1 else "."
     return Picture("The robot", told, SIZE, [*parts, *_scale_bar(colours[0].end)])
 

@@ -7,8 +7,7 @@ from flexviz.diagnosis import torque_over_time
 from flexviz.errors import InputError
 from flexviz.report.blocks import SMALL_HEIGHT, Figures, Section, explanation, section
 from flexviz.report.content import ReportContent
-from flexviz.report.sections.summary import judged
-from flexviz.wording import normalised, percent
+from flexviz.wording import stated_errors
 
 
 def torque(content: ReportContent) -> Section | None:
@@ -28,9 +27,9 @@ def torque(content: ReportContent) -> Section | None:
     steps = [one.model.step for one in rounds] or list(content.identified)
     notes = [""] * len(content.joints)
     if steps:
-        errors = [normalised(judged(step), content.spread) for step in steps]
+        errors = [stated_errors(step, content.spread) for step in steps]
         notes = [
-            "Error " + " → ".join(percent(error[j]) for error in errors) + " of the torque."
+            f"Error {' → '.join([*(one.short(j) for one in errors[:-1]), errors[-1].text(j)])}."
             for j in range(len(content.joints))
         ]
     held_out = content.measurements.group(group).validation
