@@ -26,6 +26,7 @@ from tests.browser.page import (
     charts,
     choose,
     pause,
+    pin,
     row,
     status,
     tab,
@@ -184,6 +185,7 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     address = serve()
     page = open_page(address)
     pause(page)
+    pin(page)
     button(page, "Observer").click()
     tab(page, "States").click()
     until(lambda: any(str(title).startswith("θ⁗") for title in charts(page)), what="the states")
@@ -244,6 +246,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:
     page = open_page(serve())
+    pin(page)
     for name in ("Where it fails", "Compare", "Convergence"):
         tab(page, name).click()
         until(lambda: "press" in page.inner_text("body") or "after Run" in page.inner_text("body"), what=name)
