@@ -22,6 +22,7 @@ STEPS = 330  # [pixels] width of the steps beside 3D view or plots
 
 WINDOW = "[data-floating-window]"
 CANVAS = "[data-dock-root] > div:first-child"
+SHADOW = '[data-dock-root] > div[style*="box-shadow"]'  # of a dock, at the width that viser gives it
 LEFT, RIGHT = (f'[data-dock-region="{side}"]:not(:has([data-dock-rail-root]))' for side in ("left", "right"))
 
 
@@ -71,7 +72,7 @@ LAYOUT = f"""
 .fv-tabbed:not(.fv-single) #fv-columns [data-column=steps] {{ display: none; }}
 .fv-tabbed:not(.fv-single) {LEFT} {{ top: -{TABS}px !important; }}
 .fv-tabbed:not(.fv-single) [data-dock-root] {{ overflow: visible !important; }}
-.fv-tabbed [data-dock-root] > div[style*="box-shadow"]:not({WINDOW}), .fv-tabbed [data-dock-region-collapse],
+.fv-tabbed {SHADOW}, .fv-tabbed [data-dock-region-collapse],
 .fv-tabbed [data-dock-region-resize] {{ display: none !important; }}
 .fv-tabbed {CANVAS} {{ left: {STEPS}px !important; right: 0 !important; }}
 {_width(f".fv-tabbed {LEFT}", f"{STEPS}px")}
@@ -86,6 +87,7 @@ LAYOUT = f"""
 @media (min-width: {WITH_TABS}px) and (max-width: {TIGHT - 0.02}px) {{
 {_width(LEFT, f"{DOCKS[0]}px")}{_width(RIGHT, f"{DOCKS[1]}px")}
 {CANVAS} {{ left: {DOCKS[0]}px !important; right: {DOCKS[1]}px !important; }}
+{SHADOW} {{ display: none; }}
 [data-dock-tab] {{ padding-inline: 6px !important; }}
 }}
 .fv-pin {{ margin-left: auto; align-self: center; padding: 3px; border: none; border-radius: 3px;

@@ -12,7 +12,7 @@ from flexviz.report.blocks import Picture
 from flexviz.report.content import ReportContent
 from flexviz.scene import RobotShape, lean_shape, robot_shape, scene_layout
 from flexviz.view import LinkColours, link_colours
-from flexviz.wording import escape
+from flexviz.wording import escape, number
 
 FACES = 300  # of a link
 SIZE = (420, 250)  # [px] of the picture of one robot or two
@@ -52,7 +52,7 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
         parts.append(f'<text x="{at[0]:g}" y="16" text-anchor="middle">{label}</text>')
     told = f"Links are coloured by their joint's error"
     told += ", before and after." if len(chosen) > 1 else "."
-    return Picture("The robot", told, SIZE, [*parts, *_scale_bar(colours[0].end)])
+    return Picture("The robot", told, SIZE, [*parts, *_scale_bar(colours[0].end, colours[0].errors.unit)])
 
 
 def faces(
@@ -79,7 +79,7 @@ def faces(
     return [polygon for _, polygon in sorted(drawn, key=lambda one: one[0])]
 
 
-def _scale_bar(end: float, steps: int = 24) -> Sequence[str]:
+def _scale_bar(end: float, unit: str, steps: int = 24) -> Sequence[str]:
     """The colours from the noise floor to the largest error."""
     width, height = SIZE
     left, cell = width / 2 - 70, 140 / steps
@@ -88,6 +88,6 @@ def _scale_bar(end: float, steps: int = 24) -> Sequence[str]:
         f'fill="{css(cividis(k / (steps - 1)))}"/>'
         for k in range(steps)
     ]
-    ends = (left - 6, "end", "noise floor"), (left + 146, "start", f"{percent(end)} of the torque")
+    ends = (left - 6, "end", "noise floor"), (left + 146, "start", f"{number(end, 3)} {unit}")
     words = [f'<text x="{x:g}" y="{height - 9}" text-anchor="{a}">{escape(t)}</text>' for x, a, t in ends]
     return [*bars, *words]

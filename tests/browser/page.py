@@ -193,6 +193,13 @@ def tab(page: Any, name: str) -> Any:
     return page.get_by_role("tab", name=name, exact=True)
 
 
+def pin(page: Any) -> None:
+    """Let the tab of the plots stay, whatever is done."""
+    found = page.get_by_role("button", name="Pin the tab")
+    if found.get_attribute("aria-pressed") != "true":
+        found.click()
+
+
 def charts(page: Any) -> dict[str, list[list[float]]]:
     """Title -> data of every chart on the page."""
     return page.evaluate(

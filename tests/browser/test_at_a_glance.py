@@ -24,6 +24,7 @@ from tests.browser.page import (
     ghost,
     node,
     pause,
+    pin,
     pixels,
     play,
     press,
@@ -247,6 +248,7 @@ TOOLTIP = """name => getComputedStyle([...document.querySelectorAll('button')]
 
 def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path: Path) -> None:
     pause(page)
+    pin(page)
     button(page, "Identify").click()
     button(page, "Run").hover()
     assert page.evaluate(TOOLTIP, "Run") != "none"

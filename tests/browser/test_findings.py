@@ -22,6 +22,7 @@ from tests.browser.page import (
     error,
     leave_the_plots,
     pause,
+    pin,
     press,
     row,
     status,
@@ -72,6 +73,7 @@ def test_what_a_diagnosis_offers(
 ) -> None:
     page = open_page(serve(str(diagnosed)), 1280, 800)
     pause(page)
+    pin(page)
     button(page, "Diagnose").click()
     # effects of one kind are one finding with one button
     finding = page.locator(".fv-finding:visible")

@@ -21,6 +21,7 @@ from tests.browser.page import (
     labels,
     node,
     pause,
+    pin,
     place,
     press,
     row,
@@ -104,6 +105,7 @@ def the_sweep_shows_residual_and_stiffness_against_bandwidth(page: Any, shot: An
     stiffness = chart(page, "Stiffness of")[1]
     assert all(value > 0 for value in stiffness)
     pause(page)
+    pin(page)
     page.locator(".uplot").filter(has_text="Stiffness of").scroll_into_view_if_needed()
     shot(page, "2-sweep")
     well_laid_out(page)
@@ -149,6 +151,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(page: Any, s
     assert tops == sorted(tops)
     assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
     pause(page)
+    pin(page)
     shot(page, "3-identify")
     well_laid_out(page)
     tab(page, "Signals").click()
@@ -238,6 +241,7 @@ def every_agreed_name_is_on_one_control(page: Any, step: str) -> None:
 def test_nothing_overlaps_or_is_cut(address: str, page: Any, open_page: Any, shot: Any, dark: bool) -> None:
     page = open_page(f"{address}/?darkMode") if dark else page
     pause(page)
+    pin(page)
     steps = (
         ("Data", "Signals"),
         ("Observer", "States"),

@@ -15,6 +15,7 @@ from tests.browser.page import (
     chart,
     choose,
     pause,
+    pin,
     press,
     row,
     status,
@@ -64,6 +65,7 @@ def test_after_a_run_no_text_is_of_the_model_before(
     theme = "dark" if dark else "light"
     page = open_page(serve() + ("/?darkMode" if dark else ""), 1280, 800)
     pause(page)
+    pin(page)
     choose(page, "Joint", "joint2")
     button(page, "Diagnose").click()
     page.get_by_role("button", name="Find the missing effect").click()

@@ -28,6 +28,7 @@ from tests.browser.page import (
     choose,
     error,
     pause,
+    pin,
     row,
     status,
     tab,
@@ -176,6 +177,7 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     address = serve(EXAMPLE_SET)
     page = open_page(address)
     pause(page)
+    pin(page)
     button(page, "Observer").click()
     tab(page, "States").click()
     until(lambda: any(str(title).startswith("θ⁗") for title in charts(page)), what="the states")
@@ -236,6 +238,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:
     page = open_page(serve(EXAMPLE_SET))
+    pin(page)
     for name in ("Where it fails", "Compare", "Convergence"):
         tab(page, name).click()
         until(lambda: "press" in page.inner_text("body") or "after Run" in page.inner_text("body"), what=name)
