@@ -43,7 +43,7 @@ def swatches(page: Any) -> list[int]:
 
 def brightest_link(page: Any) -> np.ndarray:
     """The places (M, 2) [px] of the scene that have the colour of the end of the scale."""
-    box = {"x": 345, "y": 290, "width": 310, "height": 280}  # the measured robot
+    box = {"x": 345.0, "y": 290.0, "width": 310.0, "height": 280.0}  # the measured robot
     seen = pixels(page, box).astype(int)
     return np.argwhere(
         (seen[..., 1] > 0.85 * seen[..., 0]) & (seen[..., 0] > 110) & (seen[..., 2] < 0.65 * seen[..., 1])

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.app.page import Page, off, put, warning
 from flexviz.app.page_script import POLE_LABEL
@@ -51,7 +52,10 @@ class GainsPanel:
         self._draft: EsoGains | None = None
         self._width = 1.0  # w, to which the multipliers refer [rad/s]
         self._factors: list[Array] = [np.ones(6), np.ones(6)]  # multipliers of θ and of τ
-        self._drag: tuple[str, Array] = ("", np.zeros(0))  # its number and signal, the poles at its start
+        self._drag: tuple[str, NDArray[np.complex128]] = (
+            "",
+            np.zeros(0, complex),
+        )  # its number and signal, the poles at its start
         self._refused = ""  # why the dragged pole stays
         self._folder = page.gui.add_folder("Gains of the ESO", expand_by_default=False, order=order)
         with self._folder:
