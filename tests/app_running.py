@@ -113,8 +113,8 @@ def wait(app: Application) -> None:
 
 
 def status(app: Application) -> str:
-    """The status line (HTML), without the marks that keep a number with its unit."""
-    return re.sub(r"</?span>", "", app.dock._status.content)
+    """The status line (HTML), without the marks of its numbers."""
+    return re.sub(r"</?span[^>]*>", "", app.dock._status.content)
 
 
 def chart(app: Application, column: str, key: str) -> tuple[np.ndarray, ...]:

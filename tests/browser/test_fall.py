@@ -21,11 +21,17 @@ SLOW = "document.documentElement.style.setProperty('--fv-fall', '16s')"  # so th
 OUTLINED = """() => [...document.querySelectorAll('button')].filter(b => b.offsetParent)
     .filter(b => getComputedStyle(b).outline.startsWith('rgb(230, 159, 0) solid'))
     .map(b => b.textContent.trim())"""
-BOX = """([what, text, part]) => {
+PARTS = {  # what is looked at: selector, text, and the part of it
+    "residual": (".uplot", "Residual, joint2", ".u-over"),
+    "joint1": (".fv-joints .fv-joint", "joint1", ".fv-box"),
+    "joint2": (".fv-joints .fv-joint", "joint2", ".fv-box"),
+    "bar": ("td:has(> .fv-stair)", "", ".fv-stair"),
+}
+BOXES = """parts => Object.fromEntries(Object.entries(parts).map(([name, [what, text, part]]) => {
     const found = [...document.querySelectorAll(what)].filter(e => e.textContent.includes(text)).at(-1);
-    const box = found.querySelector(part).getBoundingClientRect();
-    return [box.x, box.y, box.width, box.height];
-}"""
+    const box = found && found.querySelector(part).getBoundingClientRect();
+    return [name, box && [box.x, box.y, box.width, box.height].map(Math.round)];
+}))"""
 # every text of the error, from now on
 RECORD = """() => { window.said = []; new MutationObserver(() => {
     const now = document.querySelector('.fv-status [data-fv-count]');
@@ -43,23 +49,26 @@ class Picture:
     """A screenshot, and where its parts are."""
 
     def __init__(self, page: Any) -> None:
-        image = pytest.importorskip("PIL.Image").open(io.BytesIO(picture(page)))
-        self._page, self._seen = page, np.asarray(image.convert("RGB")).astype(int)
+        image = pytest.importorskip("PIL.Image")
+        self._boxes: dict[str, tuple[int, int, int, int]] = {}
+        while self._boxes != (boxes := page.evaluate(BOXES, PARTS)):  # until all rests in its place
+            self._boxes = boxes
+            taken = image.open(io.BytesIO(picture(page)))
+        self._seen = np.asarray(taken.convert("RGB")).astype(int)
 
-    def cut(self, what: str, text: str, part: str) -> np.ndarray:
-        """The part of the last element with this text."""
-        x, y, width, height = (round(value) for value in self._page.evaluate(BOX, [what, text, part]))
+    def cut(self, part: str) -> np.ndarray:
+        x, y, width, height = self._boxes[part]
         return self._seen[y : y + height, x : x + width]
 
     def amplitude(self) -> float:
         """Height of the green curve in the chart of the residual, as a share of the chart's."""
-        seen = self.cut(".uplot", "Residual, joint2", ".u-over")
+        seen = self.cut("residual")
         rows = np.nonzero(np.abs(seen - (0, 158, 115)).max(axis=2) < 60)[0]
         return (rows.max() - rows.min()) / len(seen) if len(rows) else 0.0
 
     def swatch(self, joint: str) -> np.ndarray:
         """Colour of a joint in the legend."""
-        seen = self.cut(".fv-joints .fv-joint", joint, ".fv-box")
+        seen = self.cut(joint)
         return seen[seen.shape[0] // 2, seen.shape[1] // 2]
 
     def brightest(self) -> float:
@@ -70,7 +79,7 @@ class Picture:
 
     def bar(self) -> int:
         """Length of the last validation bar of the staircase [pixels]."""
-        seen = self.cut("td:has(> .fv-stair)", "", ".fv-stair")
+        seen = self.cut("bar")
         return int((np.abs(seen - (0, 158, 115)).max(axis=2) < 30).any(axis=0).sum())
 
 
