@@ -72,7 +72,7 @@ def test_a_recording_of_the_session_at_any_time(app: Application, monkeypatch: p
     use(app, "Run")
     wait(app)
     use(app, "Download recording")
-    until(app, lambda: browser.files)
+    until(app, lambda: len(browser.files) > 0)
     name, content = browser.files[0]
     assert (
         output_dir() / name

@@ -43,7 +43,7 @@ class Standing:
         errors, spread = self.band.errors(fit, first_phase), self.band.measurements.torque_spread
         now, told = stated_errors(errors, spread), f"{errors.stated_name} error"
         texts = tuple(effect.text(self.own.joints) for effect in added)
-        time, residual = np.float32(self.band.signals.time), np.float32(errors.residual)
+        time, residual = (a.astype(np.float32) for a in (self.band.signals.time, errors.residual))
         over_time = {group: (time[at], residual[at]) for group, at in self.band.rows.items()}
         drawn = texts, fit.layout.model(fit.x), over_time
         if self._own_fit is None:
