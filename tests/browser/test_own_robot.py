@@ -77,6 +77,8 @@ def test_from_own_files_to_a_named_effect(
     drag(page, stranger.urdf, notes, *stranger.logs)
     presses = 1
     says(page, "Still to be stated:")
+    runs = r"bare\s+bare.csv\s+fit\s+none\s+loaded\s+loaded.csv\s+validate\s+none"
+    until(lambda: re.search(runs, form(page)), what="the table of runs")
     text = form(page)
     assert "Drop a URDF and logs" not in text and "Nothing leaves this machine." in text
     assert "my arm.urdf: 2 joints. Logs: bare.csv and loaded.csv." in text
@@ -86,7 +88,6 @@ def test_from_own_files_to_a_named_effect(
     assert table.locator("svg polyline").count() == 4
     for column, unit in (("pos_1_deg", "deg"), ("current_1", "A"), ("pos_2_deg", "deg"), ("current_2", "A")):
         assert f"{column}\n{unit}\n" in table.inner_text()
-    assert re.search(r"bare\s+bare.csv\s+fit\s+none\s+loaded\s+loaded.csv\s+validate\s+none", text)
     assert button(page, "Open").is_disabled()
 
     fill(page, "Gear ratios", listed(GEARS))

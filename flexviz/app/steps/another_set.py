@@ -35,6 +35,7 @@ class AnotherSet:
         self._taken_in = False  # whether one was kept since the last look
         self._refused: dict[str, str] = {}  # name -> why
         self._urdf: Path | None = None  # the last one
+        self._fresh: Path | None = None  # the same until the next look
         self._robots: dict[str, str | Path] = {name: name for name in PRESETS}
         own.on_close = self._forget
         page.receive(self._uploaded, self._announced)
@@ -80,7 +81,7 @@ class AnotherSet:
         try:
             said = json.loads(text)
             count, skipped = int(said["files"]), [(str(name), int(size)) for name, size in said["skipped"]]
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if not 0 <= count <= MAX_FILES:
             self._store.fail(f"upload: {count} files; at most {MAX_FILES} are accepted")
@@ -114,14 +115,14 @@ class AnotherSet:
         except FlexvizError as error:
             self._refuse(file.name, str(error))
         if self._taken_in and not self._coming:
-            self._taken_in = False
-            self._look(place if place.suffix.lower() == ".urdf" else None)
+            urdf, self._taken_in, self._fresh = self._fresh, False, None
+            self._look(urdf)
 
     def _choose_robot(self, urdf: Path) -> None:
         """Take this URDF instead of an earlier one."""
         if self._urdf is not None and self._urdf != urdf and self._urdf.parent == urdf.parent:
             self._refused[self._urdf.name] = f"{urdf.name} is used instead, expected one robot"
-        self._urdf = urdf
+        self._urdf = self._fresh = urdf
 
     def _unpacked(self, _: None) -> None:
         self._urdf = self._uploads.urdf()
@@ -154,7 +155,7 @@ class AnotherSet:
     def _forget(self) -> None:
         """Begin anew after one's own robot was opened or discarded."""
         self._uploads.begin()
-        self._refused, self._urdf = {}, None
+        self._refused, self._urdf, self._fresh = {}, None, None
 
     def _offer_robot(self, urdf: Path) -> None:
         """Offer a URDF without a set for simulation, if the worker can read it."""

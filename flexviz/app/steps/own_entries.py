@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -33,6 +34,7 @@ SIGNS = {"+": 1, "− (reversed)": -1}
 FORCES = ("tau", "tau_joint")  # the other signals are positions
 USES = ("fit", "validate")
 LABEL = "7em"
+NO_OFFSET = "0, 0, 0"  # [m]
 Edited = Callable[[Sequence[str], str], None]  # the joints and the signal that were changed
 
 
@@ -225,7 +227,7 @@ class Runs:
             self._link = page.dropdown("On link", ("–",))
             self._mass = page.watch(gui.add_text("Mass [kg]", ""))
             hint = "x, y, z of its centre of mass in the link's frame"
-            self._com = page.watch(gui.add_text("Centre [m]", "0, 0, 0", hint=hint))
+            self._com = page.watch(gui.add_text("Centre [m]", NO_OFFSET, hint=hint))
             hint = "Ixx, Iyy, Izz, Ixy, Ixz, Iyz about its centre of mass; empty: a point mass"
             self._inertia = page.watch(gui.add_text("Inertia [kg m²]", "", hint=hint))
             page.button("Add payload", self._add, hint="and give it to the chosen run")
@@ -278,7 +280,7 @@ class Runs:
         if not mass[0] > 0:
             raise InputError(f"Mass [kg]: found {mass[0]:g}, expected more than 0")
         draft.loads[self._run.value] = add_payload(draft, self._link.value, mass[0], com, inertia)
-        self._mass.value = ""
+        self._mass.value, self._com.value, self._inertia.value = "", NO_OFFSET, ""
         self.refresh()
         self._edited()
 
@@ -301,15 +303,12 @@ class Runs:
 
 def floats(text: str, counts: Sequence[int], what: str) -> list[float]:
     """The numbers of a text; InputError where their count or one of them is wrong."""
-    wanted = " or ".join("nothing" if count == 0 else str(count) for count in counts)
+    wanted = "nothing or " if 0 in counts else ""
+    wanted += "a number" if counts[-1] == 1 else f"{counts[-1]} numbers with commas"
     try:
         values = [float(word) for word in re.findall(r"[^,;\s]+", text)]
     except ValueError:
-        values = None
-    if (
-        values is None
-        or len(values) not in counts
-        or any(abs(value) > 1e6 or value != value for value in values)
-    ):
-        raise InputError(f"{what}: found {text[:40]!r}, expected {wanted} numbers with commas")
+        values = [math.nan]
+    if len(values) not in counts or not all(abs(value) < 1e6 for value in values):
+        raise InputError(f"{what}: found {text[:40]!r}, expected {wanted}")
     return values
