@@ -50,7 +50,7 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
         parts += faces(shape, poses, view, layout.centre, scale, at, one)
         label = escape(f"{name}: {one.errors.text()}" if name else one.errors.text())
         parts.append(f'<text x="{at[0]:g}" y="16" text-anchor="middle">{label}</text>')
-    told = f"Links are coloured by their joint's error"
+    told = "Links are coloured by their joint's error"
     told += ", before and after." if len(chosen) > 1 else "."
     return Picture("The robot", told, SIZE, [*parts, *_scale_bar(colours[0].end, colours[0].errors.unit)])
 
