@@ -41,7 +41,7 @@ LAYERS = (
         "charts",
         "doctor",
     ),
-    ("_pinocchio", "_scipy", "interpolation", "robot", "urdf_checks", "robot_files", "model"),
+    ("_pinocchio", "_scipy", "interpolation", "robot", "urdf_checks", "urdf_inertias", "urdf_joints", "robot_files", "model"),
     ("effects",),
     ("wording",),
     ("measurements", "noise", "results"),

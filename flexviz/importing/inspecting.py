@@ -71,7 +71,7 @@ def inspect_logs(
         sources = together
         logs = [open_run(source, options) for source in sources[:INSPECTED_LOGS]]
     draft = Draft(robot, list(sources), group_names(sources))
-    draft.seen = describe(logs[0])
+    draft.seen = [*describe(logs[0]), *(f"  robot: {note}" for note in whole.notes)]
     families = families_of(logs[0], whole.joints)
     roles = choose_roles(families, asked, draft.seen)
     for name in (name for name in NEEDED if name not in roles):
