@@ -129,9 +129,7 @@ class Robot:
             body = model.inertias[model.getJointId(joint)]
             check_body(joint, body.mass, body.inertia, path)
         frames = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0)
-        notes = inertia_notes(
-            described.root, {f.name: model.inertias[f.parentJoint] for f in frames}, path
-        )
+        notes = inertia_notes(described.root, {f.name: model.inertias[f.parentJoint] for f in frames}, path)
         notes += locking_notes(described.root, chosen, mimics, empty, joints is not None)
         followers = {j: m for j, m in mimics.items() if j not in chosen}
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)

@@ -1,4 +1,4 @@
-"""Which joints of a robot description move on their own: mimic joints, free bases and joints without a load."""
+"""Which joints of a robot description move: mimic joints, free bases and joints without a load."""
 
 from __future__ import annotations
 
@@ -69,9 +69,7 @@ def locking_notes(
     notes = []
     names = {joint.get("name", "") for joint in root.findall("joint")} - {*mimics}
     locked_mimics = {name: mimic for name, mimic in mimics.items() if name not in joints}
-    told = [
-        f"{j} ({m})" for j, m in locked_mimics.items() if m.leader in (joints if chosen else names)
-    ]
+    told = [f"{j} ({m})" for j, m in locked_mimics.items() if m.leader in (joints if chosen else names)]
     if told:
         notes.append(
             "mimic joints are locked where their leader's zero puts them, and coupled in exports: "

@@ -106,7 +106,11 @@ def subject_of(
         separate: two effects to tell apart; each is fitted to the set, or has its typical size without one.
     """
     wanted = tuple(effects)
-    if isinstance(source, str | Path) and Path(source).exists() and Path(source).suffix.lower() not in DESCRIPTION_SUFFIXES:
+    if (
+        isinstance(source, str | Path)
+        and Path(source).exists()
+        and Path(source).suffix.lower() not in DESCRIPTION_SUFFIXES
+    ):
         source = read_set(source)
     variants = [(*wanted, one) for one in separate] or [wanted]
     if isinstance(source, MeasurementSet):
