@@ -61,8 +61,8 @@ def open_log(path: Path, options: ReadOptions) -> Log:
         archive, member = packed
         found = logs_in(archive)
         if member not in found and (member or len(found) != 1):
-            message = f"the archive holds {', '.join(found[:8]) or 'no log'}, expected one of them: {archive.name}/…"
-            raise InputError(message, file=path)
+            inside = ", ".join(found[:8]) or "no log"
+            raise InputError(f"the archive holds {inside}, expected one of them: {archive.name}/…", file=path)
         with unpacked(archive, member or found[0]) as file:
             return replace(open_log(file, options), file=path)
     known = format_of(path)

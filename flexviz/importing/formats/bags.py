@@ -1,11 +1,11 @@
 """States of joints in MCAP files, ROS 2 bags (folders, .db3) and ROS 1 bags.
 
 `rosbags` reads all of these without a ROS installation. JointState is the same in every ROS release, so its
-definition need not be in the bag. Other types whose name says "State" or "Feedback" are read by the definition
-in the bag (see `messages`); the rest is never decoded.
+definition need not be in the bag. Other types whose name says "State" or "Feedback" are read by the
+definition in the bag (see `messages`); the rest is never decoded.
 
-A column of a JointState is called `<topic>/<joint>/<position|velocity|effort>`. Joints that always come in the
-same messages share a table: where two drivers publish on one topic, each has its own.
+A column of a JointState is called `<topic>/<joint>/<position|velocity|effort>`. Joints that always come in
+the same messages share a table: where two drivers publish on one topic, each has its own.
 """
 
 from __future__ import annotations
@@ -108,10 +108,15 @@ def collect(
         if number % CHECK_EVERY == 0:
             options.progress(Progress(f"reading {path.name}", min(1.0, number / total)))
             check_stop(options.should_stop)
-        message: Any = decode(raw, connection.msgtype)
-        if connection.topic in others:
-            others[connection.topic].add(message, logged)
+        if connection.topic not in topics:
+            try:
+                if connection.topic in others:
+                    others[connection.topic].add(decode(raw, connection.msgtype), logged)
+            except Exception as error:  # whatever a definition that does not fit makes the decoder raise
+                del others[connection.topic]
+                unusable[connection.topic] = f"its {connection.msgtype} is not readable ({str(error)[:80]})"
             continue
+        message: Any = decode(raw, JOINT_STATE)
         names = tuple(message.name)
         group = topics[connection.topic].setdefault(names, MessageGroup(names))
         group.rows.append(seen[connection.topic])
