@@ -20,10 +20,11 @@ from independent.cases import draw
 from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.importing import Inspection, Questions, import_logs, importing, inspect_logs
+from flexviz.importing.columns import candidates, find_families
 from flexviz.importing.formats import find_logs, open_log
-from flexviz.importing.formats.base import ReadOptions
+from flexviz.importing.formats.base import Log, LogTable, ReadOptions
 from flexviz.importing.mapping import parse
-from flexviz.importing.ready_mappings import FOLDER, ready_mappings
+from flexviz.importing.ready_mappings import FOLDER, ready_mappings, recognised
 from flexviz.measurements import MeasurementSet, read_set
 from tests import controller_logs as logs
 from tests.controller_logs import CONSTANTS, GEARS, RATED, Run
@@ -162,6 +163,18 @@ def test_reference_and_dynamic_states_of_ros2_control(made: SimpleNamespace, tmp
     np.testing.assert_allclose(group.theta_ref, made.runs[0].reference, atol=1e-9)
 
 
+def test_copies_of_joint_states_are_not_asked_about() -> None:
+    """ros2_control publishes every state twice, and the controller's own view of it."""
+    topics = "/arm/controller_state/actual", "/dynamic_joint_states", "/joint_states"
+    names = [
+        f"{topic}/joint{j}/{kind}" for topic in topics for kind in ("position", "effort") for j in (1, 2)
+    ]
+    families = find_families(names, ("joint1", "joint2"), {})
+    for signal in ("theta", "tau"):
+        found = candidates(families, signal)
+        assert found.clear and found.families[0].name.startswith("/joint_states/")
+
+
 def test_what_effort_is_is_asked_with_what_gravity_says(made: SimpleNamespace, tmp_path: Path) -> None:
     asked: list[str] = []
     constant = 9.0  # [Nm/A] at the joint
@@ -255,6 +268,33 @@ def test_a_log_of_nobody_is_of_no_controller(made: SimpleNamespace, tmp_path: Pa
 
     found = inspected(made, tmp_path, own, (0,))
     assert not any("recognised:" in line for line in found.draft.seen) and not found.draft.missing
+
+
+NAMES = {  # other names that loggers give the same signals: θ and τ of two joints
+    "rtde/actual_q_{0} rtde/actual_current_{0}": "Universal Robots RTDE recording",
+    "AIPos_A{1} GearTorque_A{1}": "KUKA RSI",
+    "GVL.axes[{1}].NcToPlc.ActPos GVL.axes[{1}].NcToPlc.ActTorque": "Beckhoff TwinCAT Scope",
+    "/franka_states/theta[{0}] /franka_states/tau_J[{0}]": "Franka (libfranka log or franka_msgs)",
+    "theta[:,{0}] tau_J[:,{0}]": "Franka (libfranka log or franka_msgs)",
+    "state.motorState[{0}].q state.motorState[{0}].tauEst": "Unitree LowState",
+    "id{1}.Present_Position id{1}.Present_Current": "Dynamixel X servos",
+    "present_position[{0}] present_current[{0}]": "Dynamixel X servos",
+    "position{0} torque{0}": None,
+    "q{1} tau{1}": None,
+}
+
+
+@pytest.mark.parametrize("names", NAMES)
+def test_names_of_other_loggers(names: str) -> None:
+    columns = {"time": np.arange(40.0)}
+    for pattern in names.split():
+        columns |= {pattern.format(j, j + 1): np.sin(np.arange(40.0) + j) for j in range(2)}
+    found = recognised(Log(Path("x"), "CSV", (LogTable("", columns),)), ("joint1", "joint2"))
+    assert (found and found.mapping.title) == NAMES[names]
+    if found is not None:
+        for signal, pattern in zip(("theta", "tau"), names.split(), strict=True):
+            expected = {f"joint{j + 1}": pattern.format(j, j + 1) for j in range(2)}
+            assert dict(found.roles[signal].columns) == expected
 
 
 def test_every_ready_mapping_is_tried_and_documented() -> None:

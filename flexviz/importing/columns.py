@@ -16,6 +16,8 @@ from flexviz.importing.formats.base import Log
 
 JOINT = "#"  # stands for the joint in a family's name
 FoundBy = Literal["name", "number", "order", "controller"]
+# topics that repeat what a JointState has, where there is one
+COPIES = re.compile(r"dynamic_joint_states|/(actual|feedback|output)/")
 _COMMON = frozenset(("joint", "joints", "link", "axis", "motor", "arm", "left", "right"))
 
 
@@ -196,7 +198,8 @@ def rank(family: ColumnFamily, name: str, taken: Sequence[ColumnFamily]) -> floa
         likely -= 1.5 if said.quantity == "current" else 0.0
     elif name == "tau_joint" and said.quantity == "torque" and not said.reference:
         likely = 2.0 if said.sensor else 1.0 if said.side == "link" else 0.0
-    return likely + 0.25 * said.measured + len(family.columns) if likely > 0 else 0.0
+    copied = 0.5 * bool(COPIES.search(family.name))
+    return likely - copied + 0.25 * said.measured + len(family.columns) if likely > 0 else 0.0
 
 
 def reason(family: ColumnFamily) -> str:
