@@ -144,8 +144,8 @@ class Robot:
             order,
             described.text,
             *limits,
-            followers,
-            (*described.notes, *notes),
+            mimics=followers,
+            notes=(*described.notes, *notes),
         )
 
     @cached_property

@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from mcap_ros2.writer import Writer
 
-from flexviz.arrays import Array
+Array = np.ndarray
 
 START = 1_700_000_000_000_000_000  # [ns] since 1970
 GEARS, CONSTANTS = (101.0, 80.0), (0.12, 0.09)  # motor turns per joint turn, [Nm/A] of the motor

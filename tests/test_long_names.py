@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from flexviz.results import ResultDocument
@@ -30,7 +32,7 @@ def document(joints: tuple[str, ...], steps: int = 4) -> ResultDocument:
     friction = {"effect": "coulomb_friction", "joint": joints[0], "confidence": 0.99}
     values = {"coulomb": {"value": 3.0, "std": 0.01, "unit": "Nm"}}
 
-    def step(k: int) -> dict[str, object]:
+    def step(k: int) -> dict[str, Any]:
         rms = [1.11 + 0.1 * j + 0.01 * (steps - k) for j in range(n)]
         found = {"rms": rms, "rms_validation": rms, "noise_floor": [0.0123] * n, "verdict": "missing"}
         effects = ("coulomb_friction", "backlash", "torque_ripple", "torque_offset")

@@ -149,6 +149,7 @@ def test_sides_of_the_spring(title: str, made: SimpleNamespace, tmp_path: Path) 
     np.testing.assert_allclose(segment.tau, run.joint_torque, atol=1e-6)
     np.testing.assert_allclose(segment.theta, run.q if title.endswith("msgs)") else run.theta, atol=1e-6)
     if title.endswith("bag"):
+        assert group.q is not None
         np.testing.assert_allclose(group.q, run.q, atol=1e-9)
 
 
@@ -160,6 +161,7 @@ def test_reference_and_dynamic_states_of_ros2_control(made: SimpleNamespace, tmp
     assert joint["theta_ref"]["from"] == "/arm_controller/controller_state/reference/joint2/position"
     (group,) = imported(made, tmp_path, found, (0,)).groups
     np.testing.assert_allclose(group.segments[0].tau, made.runs[0].tau, atol=1e-9)
+    assert group.theta_ref is not None
     np.testing.assert_allclose(group.theta_ref, made.runs[0].reference, atol=1e-9)
 
 

@@ -132,9 +132,8 @@ def _bodies(
         _joints(identified, i, motor, body, names[joint])
         _inertial(body, pin.Inertia.FromDynamicParameters(followers.rest[i]))
         inside[b] = body
-        hosts = {
-            None: (body, pin.SE3.Identity())
-        }  # mimic joint -> its body, with its pose in that of joint i
+        # mimic joint -> its body, and its pose in that of joint i
+        hosts: dict[str | None, tuple[Element, Any]] = {None: (body, pin.SE3.Identity())}
         for one in (one for one in followers.coupled if one.carrier == i):
             above, place = hosts[one.above]
             element = _frame(above, one.links[0], place.actInv(one.pose))

@@ -46,7 +46,7 @@ class MessageField:
     path: tuple[Step, ...]
     columns: tuple[str, ...]
 
-    def values(self, message: Any) -> Sequence[float]:
+    def values(self, message: Any) -> Any:
         """(k,) one number per column; NaN where a message has another number of them."""
         value: Any = message
         try:
