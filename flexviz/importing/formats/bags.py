@@ -104,7 +104,8 @@ def collect(
     others = {c.topic: TopicNumbers(c.topic) for c in states if c.msgtype != JOINT_STATE}
     seen = dict.fromkeys(topics, 0)
     total = max(1, sum(c.msgcount for c in states))
-    for number, (connection, logged, raw) in enumerate(reader.messages(states) if states else ()):
+    messages: Any = reader.messages(states) if states else ()
+    for number, (connection, logged, raw) in enumerate(messages):
         if number % CHECK_EVERY == 0:
             options.progress(Progress(f"reading {path.name}", min(1.0, number / total)))
             check_stop(options.should_stop)
