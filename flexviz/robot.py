@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError, choose_from
 from flexviz.robot_files import SETTINGS, RobotSettings, find_urdf, is_library_robot, load_settings, read_urdf
 from flexviz.urdf_checks import MAX_JOINTS, check_body
+from flexviz.urdf_inertias import inertia_notes
+from flexviz.urdf_joints import Mimic, locking_notes, unloaded
 
 __all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
 
@@ -69,6 +71,8 @@ class Robot:
         lower_limit, upper_limit: (n,) position limits [rad].
         velocity_limit: (n,) [rad/s].
         effort_limit: (n,) [Nm].
+        mimics: locked joint -> the joint that it follows; locked where that joint at 0 puts it.
+        notes: what was odd in the description, or decided about its joints, one sentence each.
     """
 
     name: str
@@ -82,22 +86,28 @@ class Robot:
     upper_limit: np.ndarray
     velocity_limit: np.ndarray
     effort_limit: np.ndarray
+    mimics: Mapping[str, Mimic] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @staticmethod
     def load(source: str | Path, joints: Sequence[str] | None = None, base: Path | None = None) -> Robot:
         """Load a URDF by path (relative to `base`), `example-robot-data:<name>` or `robots:<name>`.
 
-        `joints` None takes every revolute, continuous and prismatic joint in tree order.
+        `joints` None takes every revolute, continuous and prismatic joint in tree order that moves a mass
+        and follows no other joint (mimic).
         """
         path = find_urdf(source, base)
-        name, urdf = read_urdf(path)
+        described = read_urdf(path)
+        mimics = described.mimics
         try:
-            full = pin.buildModelFromXML(urdf)
+            full = pin.buildModelFromXML(described.text)
         except (ValueError, RuntimeError) as error:
             raise InputError(f"not a usable URDF ({error})", file=path) from None
         single = [i for i in range(1, full.njoints) if full.joints[i].nq == full.joints[i].nv == 1]
         movable = [full.names[i] for i in single]
-        chosen = tuple(movable if joints is None else joints)
+        leading = [joint for joint in movable if joint not in mimics]
+        empty = unloaded(full, leading) if joints is None and leading else []
+        chosen = tuple((j for j in leading if j not in empty) if joints is None else joints)
         for joint in chosen:
             if joint not in movable:
                 valid = choose_from(joint, movable)
@@ -110,15 +120,33 @@ class Robot:
             message = f"{len(chosen)} moving joints, expected at most {MAX_JOINTS}"
             raise InputError(message, file=path, place="joints")
         locked = [i for i in range(1, full.njoints) if full.names[i] not in chosen]
-        model = pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
+        pose = pin.neutral(full)
+        for joint in (joint for joint in mimics if joint in movable):
+            pose[full.joints[full.getJointId(joint)].idx_q] = mimics[joint].offset
+        model = pin.buildReducedModel(full, locked, pose) if locked else full
         model.gravity.linear = np.array(GRAVITY)
         for joint in chosen:
             body = model.inertias[model.getJointId(joint)]
             check_body(joint, body.mass, body.inertia, path)
+        frames = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0)
+        notes = inertia_notes(described.root, {f.name: model.inertias[f.parentJoint] for f in frames}, path)
+        notes += locking_notes(described.root, chosen, mimics, empty, joints is not None)
+        followers = {j: m for j, m in mimics.items() if j not in chosen}
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
         positions = model.lowerPositionLimit, model.upperPositionLimit
         limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, model.upperEffortLimit))
-        return Robot(name, str(source), path, chosen, model, order, urdf, *limits)
+        return Robot(
+            described.name,
+            str(source),
+            path,
+            chosen,
+            model,
+            order,
+            described.text,
+            *limits,
+            mimics=followers,
+            notes=(*described.notes, *notes),
+        )
 
     @cached_property
     def prismatic(self) -> np.ndarray:

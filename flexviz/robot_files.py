@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -22,11 +23,14 @@ from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.resources import robots_dir
 from flexviz.urdf_checks import LARGEST_URDF, check_urdf
+from flexviz.urdf_joints import Mimic, mimics_of
 
 EXAMPLE_ROBOT_DATA = "example-robot-data"
 SHIPPED = "robots"
 SETTINGS: tuple[str, ...] = ("planar_2r", "panda", "ur5")
 MESH_SUFFIXES = {".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf"}
+DESCRIPTION_SUFFIXES = (".urdf", ".xacro", ".sdf", ".mjcf")  # all but the first are refused with advice
+XACRO = "this is xacro, which has to be expanded first: xacro {name} > robot.urdf"
 _SUFFIXES = ("_robot", "_description")
 
 
@@ -79,24 +83,36 @@ def find_urdf(source: str | Path, base: Path | None = None) -> Path:
     return path
 
 
-def read_urdf(path: Path) -> tuple[str, str]:
-    """Name of the robot, and its URDF as text.
+@dataclass(frozen=True, eq=False)
+class Description:
+    """A robot description."""
 
-    Continuous joints become revolute ones with wide limits (so nq == nv), mimic joints become free ones.
-    """
+    name: str
+    root: Element
+    text: str  # with joints that have nq == nv: continuous as revolute with wide limits, mimic ones free
+    mimics: dict[str, Mimic]  # joint -> what it follows
+    notes: tuple[str, ...]  # what was added, one sentence each
+
+
+def read_urdf(path: Path) -> Description:
+    """Read and check a URDF."""
+    text = ""
     try:
         if path.stat().st_size > LARGEST_URDF:
             raise InputError(f"larger than {LARGEST_URDF:,} bytes, expected a robot description", file=path)
-        root = ElementTree.fromstring(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
+        if "<xacro:" in text and "unbound prefix" in str(error):
+            raise InputError(XACRO.format(name=path.name), file=path) from None
         line, column = error.position
         place = f"line {line}, column {column + 1}"
         raise InputError(f"not valid XML ({error})", file=path, place=place) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read ({error})", file=path) from None
-    if root.tag != "robot":
-        raise InputError(f"the outermost element is <{root.tag}>, expected <robot>", file=path)
-    check_urdf(root, path)
+    check_expanded(root, path)
+    notes = check_urdf(root, path)
+    mimics = mimics_of(root)
     for joint in root.findall("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
@@ -108,9 +124,22 @@ def read_urdf(path: Path) -> tuple[str, str]:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
     try:
-        return root.get("name") or path.stem, ElementTree.tostring(root, encoding="unicode")
+        plain = ElementTree.tostring(root, encoding="unicode")
     except RecursionError:
         raise InputError("its elements are nested too deeply", file=path) from None
+    return Description(root.get("name") or path.stem, root, plain, mimics, notes)
+
+
+def check_expanded(root: Element, path: Path) -> None:
+    """InputError for anything but a URDF: xacro that was not expanded, SDF, MuJoCo's format."""
+    for element in root.iter():
+        tag = element.tag if isinstance(element.tag, str) else ""
+        if "xacro}" in tag or any(mark in text for text in element.attrib.values() for mark in ("${", "$(")):
+            raise InputError(XACRO.format(name=path.name), file=path)
+    if root.tag != "robot":
+        other = {"sdf": "this is SDF; ", "mujoco": "this is a MuJoCo model; "}.get(root.tag, "")
+        message = f"the outermost element is <{root.tag}>, expected <robot>: a URDF"
+        raise InputError(f"{other}{message}", file=path)
 
 
 def mesh_names(urdf: str) -> Iterator[str]:

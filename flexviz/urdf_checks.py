@@ -19,6 +19,7 @@ MAX_LINKS = 1000  # Pinocchio's parser and model are recursive
 MAX_JOINTS = 128  # moving ones of a set; Pinocchio's work space grows with their cube (150 MB)
 LARGEST_MASS = 1e6  # [kg]
 LARGEST_LENGTH = 1e4  # [m]
+WORLD = "world"
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 AXIS_TYPES = ("revolute", "continuous", "prismatic", "planar")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -28,6 +29,7 @@ Range = tuple[int, float, float]
 LENGTH: Range = (1, 0.0, LARGEST_LENGTH)
 POSITION: Range = (3, -LARGEST_LENGTH, LARGEST_LENGTH)
 ANY: Range = (1, -math.inf, math.inf)
+FINITE: Range = (1, -LARGEST_LENGTH, LARGEST_LENGTH)
 NUMBERS: dict[str, dict[str, Range]] = {
     "origin": {"xyz": POSITION, "rpy": POSITION},
     "axis": {"xyz": POSITION},
@@ -35,6 +37,7 @@ NUMBERS: dict[str, dict[str, Range]] = {
     "inertia": dict.fromkeys(MOMENTS, (1, -1e12, 1e12)),
     "limit": {"lower": ANY, "upper": ANY, "effort": ANY, "velocity": ANY},
     "dynamics": {"damping": ANY, "friction": ANY},
+    "mimic": {"multiplier": FINITE, "offset": FINITE},
     "box": {"size": (3, 0.0, LARGEST_LENGTH)},
     "cylinder": {"radius": LENGTH, "length": LENGTH},
     "sphere": {"radius": LENGTH},
@@ -51,8 +54,12 @@ NEEDED = {
 }
 
 
-def check_urdf(root: Element, file: Path) -> None:
-    """InputError for the first element of a description that cannot be meant."""
+def check_urdf(root: Element, file: Path) -> tuple[str, ...]:
+    """InputError for the first element of a description that cannot be meant.
+
+    An undeclared base link called "world" is added; notes tell it.
+    """
+    notes = _add_world(root)
     links, joints = root.findall("link"), root.findall("joint")
     if len(links) > MAX_LINKS:
         raise InputError(f"{len(links)} links, expected at most {MAX_LINKS}", file=file)
@@ -79,6 +86,17 @@ def check_urdf(root: Element, file: Path) -> None:
             f"{len(links)} links and {len(joints)} joints form no tree: each but the first needs one joint"
         )
         raise InputError(message, file=file)
+    return notes
+
+
+def _add_world(root: Element) -> tuple[str, ...]:
+    """Declare the base link that some exporters only name as a parent."""
+    declared = {link.get("name") for link in root.findall("link")}
+    parents = {end.get("link") for joint in root.findall("joint") for end in joint.findall("parent")}
+    if WORLD in declared or WORLD not in parents:
+        return ()
+    root.insert(0, Element("link", {"name": WORLD}))
+    return (f'link "{WORLD}" is only named as a parent: taken for a fixed base',)
 
 
 def _has_cycle(parents: dict[str, str]) -> bool:

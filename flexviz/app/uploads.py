@@ -149,7 +149,7 @@ def describe_robot(urdf: Path) -> str:
         robot = Robot.load(urdf)
     except InputError as error:
         raise InputError(str(error).replace(f"{urdf.parent}/", "")) from None
-    return f"{robot.name}, {plural(robot.n, 'joint')}"
+    return "; ".join([f"{robot.name}, {plural(robot.n, 'joint')}", *robot.notes])
 
 
 class UploadFolder:

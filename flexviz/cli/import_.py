@@ -27,7 +27,7 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="MAPPING|LOG...",
-            help="A mapping file (*.toml), or logs: MCAP, ROS bags, CSV, Parquet, .mat, .npz, JSON, LeRobot.",
+            help="A mapping (*.toml), or logs: MCAP, ROS bags, CSV, xlsx, Parquet, mat, npz, JSON, LeRobot.",
         ),
     ],
     out: Path | None = typer.Option(

@@ -62,7 +62,8 @@ def summary(done: SimulatedSet) -> list[str]:
     from flexviz.wording import temperature_text, unit_text
 
     plan = done.plan
-    lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
+    lines = [f"{plan.robot.source}: {note}" for note in plan.robot.notes]
+    lines += [f"{done.folder}: {plan.name}, seed {done.seed}"]
     for group in plan.groups:
         use = "validation" if group.validation else "fit"
         about = (f"{group.duration:g} s", temperature_text(group.temperature), use)

@@ -16,6 +16,7 @@ from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
+from flexviz.robot_files import DESCRIPTION_SUFFIXES
 from flexviz.simulation import PDController, Plan, Reference, follow, inject, make_plan, plan_from_set
 
 
@@ -105,7 +106,11 @@ def subject_of(
         separate: two effects to tell apart; each is fitted to the set, or has its typical size without one.
     """
     wanted = tuple(effects)
-    if isinstance(source, str | Path) and Path(source).exists() and Path(source).suffix != ".urdf":
+    if (
+        isinstance(source, str | Path)
+        and Path(source).exists()
+        and Path(source).suffix.lower() not in DESCRIPTION_SUFFIXES
+    ):
         source = read_set(source)
     variants = [(*wanted, one) for one in separate] or [wanted]
     if isinstance(source, MeasurementSet):

@@ -131,6 +131,12 @@ class IdentifiedRobot:
             lines.insert(1, f"Fitted on {', '.join(groups)}" + (", refined" if self.document.refined else ""))
         carried = f"carries the payload {self.payload}" if self.payload else "carries no payload"
         lines.append(f"The robot {carried}.")
+        movable = (x.name for x in self.robot.description.joint_map.values() if x.type != "fixed")
+        if locked := [name for name in movable if name not in self.joints]:
+            lines.append(
+                f"Locked while identified: {', '.join(locked)}. Their inertia is part of what carries them, "
+                "their friction is not identified."
+            )
         if self.verdict:
             lines.append(f"Diagnosis: {VERDICTS.get(self.verdict, self.verdict)}.")
         return lines + list(self.remarks)

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from flexviz._pinocchio import pin
 from flexviz.exporting.bodies import placement
 from flexviz.exporting.code_tables import axis
+from flexviz.exporting.followers import Followers, followers_of
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.shapes import Shapes
 from flexviz.exporting.xml_text import comment_text, number_text
@@ -47,14 +48,17 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
     shapes = Shapes(robot, f"{name}_meshes")
     asset = _add(root, "asset")
     motors = motor_names(robot)
-    _bodies(identified, _add(root, "worldbody"), shapes, motors)
+    followers = followers_of(robot, identified.inertial)
+    _bodies(identified, _add(root, "worldbody"), shapes, motors, followers)
     asset.extend(shapes.assets)
     if not shapes.assets:
         root.remove(asset)
+    _couplings(root, followers)
     _tendons(identified, root, motors)
     _actuators(identified, root, motors, step)
     missing = [
         *identified.left_out("mjcf"),
+        *followers.welded,
         *(
             f"joint_damping:{robot.joints[i]}: MuJoCo's damping also acts within the play"
             for i in np.flatnonzero(laws["damping"] * laws["half_width"])
@@ -107,7 +111,9 @@ def timestep(identified: IdentifiedRobot) -> tuple[float, float]:
     return step, rates.vibration
 
 
-def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: dict[str, str]) -> None:
+def _bodies(
+    identified: IdentifiedRobot, world: Element, shapes: Shapes, names: dict[str, str], followers: Followers
+) -> None:
     robot = identified.robot
     inside: dict[int, Element] = {-1: world}  # Pinocchio's joint -> its body
     for link in robot.links:
@@ -117,21 +123,45 @@ def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: 
     joint_of_body = np.argsort(robot.order)
     children = {name: joint.child for name, joint in robot.description.joint_map.items()}
     for b in range(robot.n):
-        i = joint_of_body[b]
+        i = int(joint_of_body[b])
         joint, pose = robot.joints[i], robot.model.jointPlacements[1 + b]
         parent = inside[int(robot.model.parents[1 + b]) - 1]
         motor = _frame(parent, names[joint], pose)
         _add(motor, "inertial", pos="0 0 0", mass=ROTOR_MASS, diaginertia=" ".join([ROTOR_INERTIA] * 3))
         body = _frame(parent, children[joint], pose)
         _joints(identified, i, motor, body, names[joint])
-        inertia = pin.Inertia.FromDynamicParameters(identified.inertial[i])
-        full = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        _add(body, "inertial", pos=inertia.lever, mass=inertia.mass, fullinertia=full)
+        _inertial(body, pin.Inertia.FromDynamicParameters(followers.rest[i]))
         inside[b] = body
-        for link in robot.links:
-            if robot.joint_of_link(link) == i:
-                own = body if link == children[joint] else _frame(body, link, placement(robot, link))
-                own.extend(shapes.geoms(link))
+        # mimic joint -> its body, and its pose in that of joint i
+        hosts: dict[str | None, tuple[Element, Any]] = {None: (body, pin.SE3.Identity())}
+        for one in (one for one in followers.coupled if one.carrier == i):
+            above, place = hosts[one.above]
+            element = _frame(above, one.links[0], place.actInv(one.pose))
+            place_of_zero = {"ref": one.mimic.offset} if one.mimic.offset else {}
+            _add(element, "joint", name=one.joint, type=one.kind, axis=one.axis, **place_of_zero)
+            _inertial(element, one.inertia)
+            hosts[one.joint] = element, one.pose
+        for link in (link for link in robot.links if robot.joint_of_link(link) == i):
+            follower = followers.of(link)
+            host, place = hosts[follower.joint if follower else None]
+            first = follower.links[0] if follower else children[joint]
+            own = host if link == first else _frame(host, link, place.actInv(placement(robot, link)))
+            own.extend(shapes.geoms(link))
+
+
+def _inertial(body: Element, inertia: Any) -> None:
+    full = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    _add(body, "inertial", pos=inertia.lever, mass=inertia.mass, fullinertia=full)
+
+
+def _couplings(root: Element, followers: Followers) -> None:
+    """Mimic joints as equality constraints of their joint's link position."""
+    if followers.coupled:
+        equality = _add(root, "equality")
+        for one in followers.coupled:
+            line = (0.0, one.mimic.multiplier, 0.0, 0.0, 0.0)
+            ends = {"joint1": one.joint, "joint2": one.mimic.leader}
+            _add(equality, "joint", **ends, polycoef=line, solref=FRICTION)
 
 
 def _joints(identified: IdentifiedRobot, i: int, motor: Element, body: Element, motor_name: str) -> None:

@@ -1,4 +1,4 @@
-"""Import ROS bags, MCAP, CSV, Parquet, MATLAB, NumPy, JSON and LeRobot logs as a measurement set."""
+"""Import ROS bags, MCAP, CSV, Excel, Parquet, MATLAB, NumPy, JSON and LeRobot logs as a measurement set."""
 
 from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE
 from flexviz.importing.draft import Draft, DraftJoint, Person, Questions

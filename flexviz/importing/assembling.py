@@ -66,7 +66,7 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, 
     """
     traces: Traces = {}
     notes: list[str] = []
-    from_bag = log.kind not in ("CSV", "Parquet", "MATLAB", "NumPy", "JSON")
+    from_bag = log.kind not in ("CSV", "Parquet", "MATLAB", "NumPy", "JSON", "Excel")
     clocks: dict[tuple[str, str], tuple[Indices, Array]] = {}  # rows in order, and their times
     origin: LogClock | None = None
     for joint, name, signal in sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1])):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os.path import commonprefix
 from typing import Literal
 
@@ -15,7 +15,9 @@ from flexviz.importing.column_names import TIME, Meaning, meaning, unit_in, with
 from flexviz.importing.formats.base import Log
 
 JOINT = "#"  # stands for the joint in a family's name
-FoundBy = Literal["name", "number", "order"]
+FoundBy = Literal["name", "number", "order", "controller"]
+# topics that repeat what a JointState has, where there is one
+COPIES = re.compile(r"dynamic_joint_states|/(actual|feedback|output)/")
 _COMMON = frozenset(("joint", "joints", "link", "axis", "motor", "arm", "left", "right"))
 
 
@@ -27,8 +29,9 @@ class ColumnFamily:
     columns: Mapping[str, str]  # joint -> column
     meaning: Meaning  # of the name
     # joints were matched by "name", by "number", or by the "order" in which as many unknown names as the
-    # robot has joints appear in the log
+    # robot has joints appear in the log, or by a "controller"'s ready mapping
     found_by: FoundBy
+    stated: Mapping[str, object] = field(default_factory=dict)  # keys of its table in a mapping
 
 
 def find_families(
@@ -195,7 +198,8 @@ def rank(family: ColumnFamily, name: str, taken: Sequence[ColumnFamily]) -> floa
         likely -= 1.5 if said.quantity == "current" else 0.0
     elif name == "tau_joint" and said.quantity == "torque" and not said.reference:
         likely = 2.0 if said.sensor else 1.0 if said.side == "link" else 0.0
-    return likely + 0.25 * said.measured + len(family.columns) if likely > 0 else 0.0
+    copied = 0.5 * bool(COPIES.search(family.name))
+    return likely - copied + 0.25 * said.measured + len(family.columns) if likely > 0 else 0.0
 
 
 def reason(family: ColumnFamily) -> str:
@@ -204,6 +208,7 @@ def reason(family: ColumnFamily) -> str:
     found_by = {
         "name": "joints by name",
         "number": "joints by number",
+        "controller": "joints in the controller's order",
         "order": "joints by the ORDER of unknown names in the log: check it",
     }[family.found_by]
     side = f"{said.side} side" if said.side else ""

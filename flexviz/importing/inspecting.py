@@ -21,6 +21,8 @@ from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_run
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
 from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.plausibility import check_groups
+from flexviz.importing.ready_mappings import Recognised, recognised
+from flexviz.importing.torque_meaning import ask_for_meaning
 from flexviz.measurements import Array, read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
@@ -71,18 +73,23 @@ def inspect_logs(
         sources = together
         logs = [open_run(source, options) for source in sources[:INSPECTED_LOGS]]
     draft = Draft(robot, list(sources), group_names(sources))
-    draft.seen = describe(logs[0])
+    draft.seen = [*describe(logs[0]), *(f"  robot: {note}" for note in whole.notes)]
     families = families_of(logs[0], whole.joints)
-    roles = choose_roles(families, asked, draft.seen)
+    ready = recognised(logs[0], whole.joints)
+    roles = choose_roles(families, asked, draft.seen) if ready is None else dict(ready.roles)
     for name in (name for name in NEEDED if name not in roles):
         known = "; ".join(family.name for family in families[:12])
         together = f"; columns that belong together: {known}" if known else ""
         draft.missing.append(f"no columns were recognised as {TITLES[name]}{together}")
     used = [column for family in roles.values() for column in family.columns.values()]
-    clock = fill_time(draft, logs[0], used)
+    clock = ready_time(draft, logs[0], ready) or fill_time(draft, logs[0], used)
     if draft.missing:
         draft.seen += describe_unused(logs[0], [*used, str(draft.time.get("column", ""))])
     fill_joints(draft, roles, whole, clock, logs[0])
+    if ready is not None:
+        tell_ready(draft, ready, asked)
+    elif "tau" in roles:
+        ask_for_meaning(draft, roles, whole, logs[0], asked)
     ask_for_constants(draft, roles, asked)
     if len(sources) > 1:
         chosen = asked.several("Which groups are kept for validation, never fitted?", draft.groups)
@@ -129,6 +136,36 @@ def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
     unit, draft.time_comment = guess_unit(log.columns[most], most)
     draft.time = {"column": most} | ({"unit": unit} if unit != "s" else {})
     return {column: time for column, time in chosen.items() if time != most}
+
+
+def ready_time(draft: Draft, log: Log, ready: Recognised | None) -> dict[str, str]:
+    """Fill in [time] as a ready mapping says; {} where it does not, or the log lacks the column."""
+    time = ready.mapping.time if ready is not None else None
+    column = next((x for x in log.columns if time and x.rpartition("/")[2] == time.column), None)
+    if time is None or column is None or any(table.clock for table in log.tables):
+        return {}
+    draft.time = {"column": column} | ({"unit": time.unit} if time.unit != "s" else {})
+    return {column: column}
+
+
+def tell_ready(draft: Draft, ready: Recognised, asked: Questions) -> None:
+    """Say what was recognised and what the torque is; ask for gears where it is before them."""
+    draft.seen.append(f"  recognised: {ready.mapping.title}")
+    torque = ready.torque
+    if torque is None:
+        return
+    draft.seen.append(f"  its torque: {torque.means}")
+    stated = all("unit" in joint.signals.get("tau", {}) for joint in draft.joints.values())
+    if torque.needs and not stated:
+        draft.missing.append(torque.needs)
+    for joint in draft.joints.values():
+        joint.comment("tau", torque.means)
+    if torque.side == "motor":
+        gears = asked.numbers("gear ratio", len(draft.joints), signed=True)
+        if gears is None:
+            draft.missing.append("gear of every joint: the torque is before it")
+        for joint, gear in zip(draft.joints.values(), gears or (), strict=False):
+            joint.gear = gear
 
 
 def group_names(sources: Sequence[LogSource]) -> list[str]:
@@ -220,7 +257,7 @@ def fill_joints(
             unit = unit or (("m" if name not in ("tau", "tau_joint") else "N") if linear else None)
             if unit not in (None, "rad", "Nm") and (linear or unit not in LENGTH | FORCE):
                 signal["unit"] = unit
-            entry.signals[name] = signal
+            entry.signals[name] = signal | dict(family.stated)
             entry.comment(name, f"{range_text(every[column].columns[column])}; {reason(family)}")
         for name in (name for name in NEEDED if name not in roles):
             entry.comment(name, f'missing: {{ from = "column" }}; {STUBS[name]}')

@@ -98,7 +98,10 @@ class JointColumns(StrictTable):
         if isinstance(signal, AngleColumn):
             return signal.sign * size_of(signal.unit, ANGLE | LENGTH) / gear
         assert isinstance(signal, TorqueColumn)
-        constant = (self.torque_constant or 1.0) if signal.unit in CURRENT else 1.0
+        counts = signal is self.tau and not isinstance(
+            signal.unit, str
+        )  # of a current, if there is a constant
+        constant = (self.torque_constant or 1.0) if counts or signal.unit in CURRENT else 1.0
         return signal.sign * size_of(signal.unit, TORQUE | FORCE | CURRENT) * constant * gear
 
 

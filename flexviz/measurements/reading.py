@@ -50,6 +50,8 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
         paths.append(inside(folder, group.file, file, f'group {i + 1} "{group.name}", file'))
         if (first := users.setdefault(paths[-1], group.name)) != group.name:
             warn(f'{paths[-1]}: groups "{first}" and "{group.name}" use the same file')
+    for note in robot.notes:
+        warn(f"{content.robot}: {note}")
     stiffness = values(content.initial.stiffness)
     clocks: dict[Path, Segmented] = {}
     files = present_fingerprint(folder, robot, paths)

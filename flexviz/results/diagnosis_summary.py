@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 from rich.table import Table
 
@@ -18,7 +19,7 @@ from flexviz.results.entries import (
     ResultFields,
     StepEntry,
 )
-from flexviz.results.tables import in_ascii, plain_table
+from flexviz.results.tables import fold, in_ascii, plain_table
 
 SHOWN_ABSORBED = 4  # parameters
 TRACE_LINES = 6  # of what was tried
@@ -169,7 +170,8 @@ def steps_parts(
 ) -> list[Table | str]:
     """Errors per joint after each added kind of effect, in the unit of `wording.JointErrors`.
 
-    Where the table would be too wide, the models are numbered and their names precede it.
+    Where the table would be too wide, the models are numbered and their names precede it; where it still is,
+    joints become rows.
     """
     held_out = all(step.rms_validation for step in result.steps)
 
@@ -186,28 +188,41 @@ def steps_parts(
     mean = ["mean"] if unit != "Nm" and len(names) > 1 else []
     title = f"error of the {'held-out' if held_out else 'fitted'} groups [{unit}]"
     steps = list(named_steps(result.steps, joints))
-    narrow = width < LABEL_WIDTH + COLUMN_WIDTH * (len(names) + len(mean)) + len("nothing-missing")
-    table = plain_table(
-        "model" if narrow else title, numbers=(*names, *mean), end=() if narrow else ("verdict",)
-    )
-    table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
+    column = max(COLUMN_WIDTH, *(len(name) + 2 for name in names))
+    narrow = width < LABEL_WIDTH + column * len(names) + COLUMN_WIDTH * len(mean) + len("nothing-missing")
+    rows = [["model" if narrow else title, *names, *mean, *([] if narrow else ["verdict"])]]
     for k, (name, step) in enumerate(steps):
         shown = [*error(step).values, *([error(step).mean] if mean else [])]
-        table.add_row(str(k) if narrow else name, *cells(shown), *([] if narrow else [step.verdict]))
-    table.add_section()
+        rows.append([str(k) if narrow else name, *cells(shown), *([] if narrow else [step.verdict])])
+    models = len(rows)
     if spread:
         texts = [wording.explained(share / 100).strip("> %") for share in error(last).shares]
         model = "last" if len(result.steps) > 1 else "present"
         if unit != wording.PERCENT:
             label = "error %" if narrow else f"error of the {model} model [{wording.PERCENT}]"
-            table.add_row(label, *cells(error(last).shares))
-        table.add_row("explained" if narrow else f"torque explained by the {model} model [%]", *texts)
-        table.add_row("error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last).rms))
+            rows.append([label, *cells(error(last).shares)])
+        rows.append(["explained" if narrow else f"torque explained by the {model} model [%]", *texts])
+        rows.append(["error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last).rms)])
     if last.noise_floor:
-        table.add_row("noise Nm" if narrow else "noise floor [Nm]", *cells(last.noise_floor))
+        rows.append(["noise Nm" if narrow else "noise floor [Nm]", *cells(last.noise_floor)])
     if not narrow:
-        return [table]
-    return [f"{title}:", *(f"  {k}: {name} → {step.verdict}" for k, (name, step) in enumerate(steps)), table]
+        return [steps_table(rows, models, ("verdict",))]
+    if sum(max(map(len, cells)) + 2 for cells in zip_longest(*rows, fillvalue="")) > width:
+        across = [list(cells) for cells in zip_longest(*rows, fillvalue="")]
+        across[0][0] = "joint"
+        rows, models = across, len(names) + 1
+    numbered = [f"  {k}: {name} → {step.verdict}" for k, (name, step) in enumerate(steps)]
+    return [f"{title}:", *numbered, steps_table(rows, models)]
+
+
+def steps_table(rows: Sequence[Sequence[str]], section: int, end: Sequence[str] = ()) -> Table:
+    """A table of its first row's titles; a line after row `section`. Names fold, numbers stay whole."""
+    label, *titles = rows[0]
+    table = plain_table(label, numbers=[title for title in titles if title not in end], end=end)
+    fold(table, 0)
+    for k, row in enumerate(rows[1:], 1):
+        table.add_row(*row, end_section=k + 1 == section)
+    return table
 
 
 def named_steps(steps: Sequence[StepEntry], joints: Sequence[str]) -> Iterator[tuple[str, StepEntry]]:

@@ -13,7 +13,7 @@ from flexviz.results.assessment import assessment
 from flexviz.results.curves import CurveTable
 from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
-from flexviz.results.tables import in_ascii, interval, plain_table
+from flexviz.results.tables import fold, in_ascii, interval, plain_table
 from flexviz.wording import as_markdown, effect_title, escape, markdown_table, normalised, number
 
 WIDE = 110  # columns from which a table has room for ties between parameters
@@ -94,6 +94,7 @@ def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) 
     table = plain_table(
         "parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable")
     )
+    fold(table, 1)
     if ties:
         table.add_column("tied to", overflow="fold")
     for p in parameters:
@@ -133,7 +134,7 @@ def curve_parts(curve: CurveTable) -> tuple[str, Table]:
 def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
     """Identifiable combinations of inertial parameters."""
     table = plain_table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
-    table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"  # numbers stay whole
+    fold(table, 0)
     for c in combinations:
         style = "" if c.identifiable == "yes" else "dim"
         table.add_row(c.name, *interval(c.value, c.std), c.unit, c.identifiable, style=style)
@@ -143,6 +144,7 @@ def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
 def residual_table(residual: ResidualEntry) -> Table:
     """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
     table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
+    fold(table, 0)
     columns = [residual.rms, residual.rms_validation, residual.noise_floor]
     if residual.torque_spread:
         which = "validation" if residual.rms_validation else "fit"

@@ -24,6 +24,11 @@ def plain_table(*texts: str, numbers: Sequence[str] = (), end: Sequence[str] = (
     return table
 
 
+def fold(table: Table, column: int) -> None:
+    """Let a column of long names break, so that the numbers stay whole."""
+    table.columns[column].no_wrap, table.columns[column].overflow = False, "fold"
+
+
 def in_ascii(text: str) -> str:
     """Replace the minus sign by a hyphen, so that numbers can be copied into a program."""
     return text.replace("−", "-")

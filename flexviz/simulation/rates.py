@@ -8,7 +8,9 @@ from math import ceil
 import numpy as np
 
 from flexviz._pinocchio import pin
+from flexviz.errors import InputError
 from flexviz.simulation.plant import Array, Plant
+from flexviz.urdf_joints import unloaded
 
 LARGEST_PHASE = 0.3  # [rad] of the fastest vibration per step
 LARGEST_DECAY = 1.8  # [-] step times the fastest decay rate
@@ -38,6 +40,9 @@ def fastest(plant: Plant, positions: Array) -> FastestMotion:
         load = 3.0 * np.abs(load) + 1e-9
         mobility = pin.computeMinverse(plant.model, data, q)
         mobility = np.triu(mobility) + np.triu(mobility, 1).T
+        if not np.isfinite(mobility).all():
+            empty = unloaded(plant.model, plant.model.names[1:])
+            raise InputError(f"nothing with mass moves with joint {', '.join(empty)}: lock it")
         k = np.array([plant.joint(i).tangent(float(load[i])) for i in range(n)])
         system = np.block([[mobility * k, -mobility * k], [-inverse * k, inverse * k]])
         vibration = max(vibration, float(np.sqrt(np.abs(np.linalg.eigvals(system)).max())))

@@ -15,6 +15,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
 from flexviz.model import INERTIAL_UNITS, FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never, part
+from flexviz.robot_files import DESCRIPTION_SUFFIXES
 from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.inject import at_temperatures, inject
 from flexviz.simulation.plan import Plan
@@ -47,7 +48,7 @@ def make_plan(
     name = str(preset_or_set)
     if name in PRESETS:
         plan = PRESETS[name]()
-    elif Path(name).suffix == ".urdf":
+    elif Path(name).suffix.lower() in DESCRIPTION_SUFFIXES:
         plan = plan_from_urdf(name)
     elif Path(name).exists():
         plan = plan_from_set(read_set(name))

@@ -174,9 +174,10 @@ def plain_name(name: str) -> str:
 
 
 def short_names(names: tuple[str, ...]) -> list[str]:
-    """Names without their common prefix: panda_joint1, panda_joint2 -> joint1, joint2."""
+    """Names without their common prefix: panda_joint1, panda_joint2 -> joint1, joint2; all keep a letter."""
     first = names[0] if len(names) > 1 else ""
-    cuts = [i + 1 for i, character in enumerate(first) if character in "_/"]
-    shared = [cut for cut in cuts if all(name[:cut] == first[:cut] for name in names)]
-    cut = max(shared, default=0)
-    return [name[cut:] if any(c.isalpha() for c in name[cut:]) else name for name in names]
+    cuts = [0, *(i + 1 for i, character in enumerate(first) if character in "_/:.-")]
+    shared = (cut for cut in cuts if all(name[:cut] == first[:cut] for name in names))
+    kept = (cut for cut in shared if all(any(map(str.isalpha, name[cut:])) for name in names))
+    cut = max(kept, default=0)
+    return [name[cut:] for name in names]

@@ -10,16 +10,21 @@ from flexviz.errors import InputError
 from flexviz.importing.formats.bags import BAG
 from flexviz.importing.formats.base import LETTERS, Log, LogFormat, ReadOptions, joined
 from flexviz.importing.formats.delimited import DELIMITED
+from flexviz.importing.formats.excel import EXCEL
+from flexviz.importing.formats.frames import FRAMES
 from flexviz.importing.formats.json_logs import JSON
 from flexviz.importing.formats.lerobot import LEROBOT
 from flexviz.importing.formats.matlab import MATLAB
 from flexviz.importing.formats.numpy_archives import NUMPY
+from flexviz.importing.formats.packed import inside_of, members, unpacked
 from flexviz.importing.formats.parquet import PARQUET
 from flexviz.importing.formats.stacked import unstacked
 from flexviz.progress import Progress
 
-FORMATS: tuple[LogFormat, ...] = (BAG, DELIMITED, PARQUET, MATLAB, NUMPY, JSON, LEROBOT)
-KNOWN = ", ".join(known.title for known in FORMATS)
+FORMATS: tuple[LogFormat, ...] = (
+    BAG, DELIMITED, PARQUET, MATLAB, NUMPY, JSON, FRAMES, EXCEL, LEROBOT,
+)  # fmt: skip
+KNOWN = ", ".join(known.title for known in FORMATS) + ", and these zipped"
 
 
 @dataclass(frozen=True)
@@ -51,10 +56,26 @@ def open_run(source: LogSource, options: ReadOptions) -> Log:
 
 def open_log(path: Path, options: ReadOptions) -> Log:
     """Read a log; InputError for whatever cannot be read."""
+    packed = inside_of(path)
+    if packed is not None:
+        archive, member = packed
+        found = logs_in(archive)
+        if member not in found and (member or len(found) != 1):
+            inside = ", ".join(found[:8]) or "no log"
+            raise InputError(f"the archive holds {inside}, expected one of them: {archive.name}/…", file=path)
+        with unpacked(archive, member or found[0]) as file:
+            return replace(open_log(file, options), file=path)
     known = format_of(path)
     episode = "" if options.episode is None else f", episode {options.episode}"
     options.progress(Progress(f"reading {path.name}{episode}", 0.0))
     return unstacked(known.read(path, options))
+
+
+def logs_in(archive: Path) -> list[str]:
+    """The members of an archive that are logs."""
+    return [
+        name for name in members(archive) if any(Path(name).suffix.lower() in x.suffixes for x in FORMATS)
+    ]
 
 
 def format_of(path: Path) -> LogFormat:
@@ -87,10 +108,18 @@ def find_logs(paths: Sequence[Path]) -> list[LogSource]:
             # inside a folder, datasets of episodes are not taken for logs
             formats = [known for known in FORMATS if not known.episodes and not known.named]
             inside = (p for p in path.iterdir() if not p.name.startswith("."))
-            logs = sorted(p for p in inside if any(known.recognises(p) for known in formats))
+            logs = sorted(
+                p
+                for p in inside
+                if any(known.recognises(p) for known in formats) or (inside_of(p) and logs_in(p))
+            )
             if not logs:
                 raise InputError(f"the folder holds no log; flexviz import reads {KNOWN}", file=path)
         for log in logs:
+            if log.is_file() and inside_of(log) is not None:
+                inside_it = logs_in(log)
+                found += [LogSource(log / x) for x in inside_it] if len(inside_it) > 1 else [LogSource(log)]
+                continue
             episodes = format_of(log).episodes
             found += [LogSource(log, episode) for episode in (episodes(log) if episodes else [None])]
     for i, source in enumerate(found):

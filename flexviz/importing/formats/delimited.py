@@ -14,7 +14,9 @@ import pyarrow.csv as pacsv
 from flexviz.errors import InputError
 from flexviz.importing.column_names import known_unit
 from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions, check_rows
+from flexviz.importing.formats.frames import read_frames
 from flexviz.importing.formats.parquet import columns_of, is_number
+from flexviz.importing.formats.twincat import scope_header, with_one_clock
 from flexviz.measurements import readable
 
 HEAD = 1 << 16  # [bytes] from which the layout is found
@@ -33,15 +35,20 @@ class CsvLayout:
     names: list[str]
     units: dict[str, str]
     encoding: str
+    scope: bool = False  # an export of TwinCAT Scope, whose channels have times of their own
 
 
 def read_delimited(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a CSV file."""
     with readable(path, "CSV table"):
         with path.open("rb") as stream:
-            layout = find_layout(stream.read(HEAD), path)
+            head = stream.read(HEAD)
+        if b"<Rob" in head:
+            return read_frames(path, options)
+        layout = find_layout(head, path)
         end = end_of_whole_rows(path, layout)
-        table = read_table(path, layout, [name for name in layout.names if options.wants(name)], end)
+        wanted = [name for name in layout.names if layout.scope or options.wants(name)]
+        table = read_table(path, layout, wanted, end)
     check_rows(table.num_rows, path)
     kinds = {field.name: field.type for field in table.schema}
     usable = [name for name, kind in kinds.items() if is_number(kind) or pa.types.is_timestamp(kind)]
@@ -51,7 +58,8 @@ def read_delimited(path: Path, options: ReadOptions) -> Log:
             unusable[name] = "it is empty"
         elif pa.types.is_string(kind) or pa.types.is_binary(kind):
             unusable[name] = first_text(table[name], layout)
-    unread = tuple(name for name in layout.names if not options.wants(name))
+    unread = tuple(name for name in layout.names if name not in table.column_names)
+    columns = with_one_clock(columns) if layout.scope else columns
     notes = () if end is None else ("the last line is cut off and left out",)
     columns_here = LogTable("", columns, None, layout.units | units)
     return Log(path, "CSV", (columns_here,), unusable, notes, unread)
@@ -117,6 +125,10 @@ def find_layout(head: bytes, path: Path) -> CsvLayout:
         text, encoding = head.decode("cp1252", "replace"), "cp1252"
     lines = text.splitlines()
     lines = lines[:-1] if len(head) == HEAD else lines
+    if (scope := scope_header(lines, split)) is not None:
+        separator, skip, names, units = scope
+        decimal = "," if separator != "," and any("," in line for line in lines[skip:]) else "."
+        return CsvLayout(separator, decimal, skip, names, units, encoding, scope=True)
     for separator, decimal in LAYOUTS:
         rows = [(i, split(line, separator)) for i, line in enumerate(lines) if line.strip()]
         # the numbers begin at the first two successive rows of equally many of them

@@ -38,6 +38,10 @@ def arrays_of(value: Any) -> Any:
     if len(value) >= SHORTEST and all(isinstance(record, dict) for record in value):
         keys = dict.fromkeys(key for record in value for key in record)
         return {key: arrays_of([record.get(key) for record in value]) for key in keys}
+    if len(value) >= SHORTEST and all(isinstance(row, list) and row for row in value):
+        lengths, first = {len(row) for row in value}, value[0]
+        if len(lengths) == 1 and all(isinstance(one, dict) for one in first):  # records of each motor
+            return [arrays_of([row[i] for row in value]) for i in range(len(first))]
     try:
         array = np.array(value)  # whole numbers stay exact
         array = array if array.dtype != object else np.array(value, dtype=float)
