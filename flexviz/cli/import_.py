@@ -131,7 +131,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     """Summary of an import, as lines of text."""
     import numpy as np
 
-    from flexviz.measurements import pieces
+    from flexviz.measurements import bridge, pieces
 
     lines = []
     for group in done.groups:
@@ -140,7 +140,8 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         rate = f"{usual:.5g} Hz"
         if abs(mean - usual) > UNEVEN * usual:
             rate += f" ({mean:.5g} Hz on average)"
-        if (count := len(pieces(time))) > 1:
+        bridged = bridge(time, np.hstack([group.table.theta, group.table.tau]))
+        if (count := len(pieces(bridged.time))) > 1:
             rate += f" in {count} stretches between gaps"
         lines.append(
             f"{group.entry.group}: {group.entry.label}, {group.kind}, {len(time)} samples, "
