@@ -14,7 +14,7 @@ from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.importing import import_logs
 from flexviz.measurements import MeasurementSet, Segment, read_set
-from flexviz.noise import check_signals, column_faults, noise_notes, resolution, segments_noise, white_noise
+from flexviz.noise import check_signals, column_findings, noise_notes, resolution, segments_noise, white_noise
 from flexviz.results import assessment
 
 FAULT = Path(__file__).resolve().parents[2] / "shared" / "faults" / "02-two-publishers-on-joint-states"
@@ -143,12 +143,12 @@ def only_spikes(theta: Array, tau: Array, rng: np.random.Generator) -> None:
 
 
 FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
-    "zeros": (zeros, ("column theta_joint", "jumps at", "also in", "tau_joint1", "dropped values? expected")),
+    "zeros": (zeros, ("column theta_joint", "the value is 0", "also in", "tau_joint1", "dropped values? expected")),
     "zero torques": (zero_torques, ("column tau_joint2", "times the value is 0 between", "dropped")),
     "marked torques": (marked_torques, ("column tau_joint1", "−999.0")),
     "two publishers": (publishers, ("column theta_joint", "jumps at", "two publishers on one topic")),
-    "wraps": (wraps, ("column theta_joint2", "jumps at", "wrapped")),
-    "one glitch": (glitch, ("row 1001, column theta_joint1", "jumps at 2 of", "200 rad/s")),
+    "wraps": (wraps, ("column theta_joint2", "jumps by about 0.06", "wrapped")),
+    "one glitch": (glitch, ("row 1001, column theta_joint1", "jumps at 2 of", "201 rad/s", "transmission errors")),
     "first row": (first_row, ("row 2, column theta_joint", "jumps at 1 of", "also in theta_joint")),
     "noise as position": (noise_as_position, ("column theta_joint1", "jumps at")),
     "noise above motion": (coarse_noise, ("column theta_joint", "noise of this position", "below 4 Hz")),
@@ -239,7 +239,7 @@ def fast(theta: Array, tau: Array, rng: np.random.Generator) -> None:
 )
 def test_odd_but_possible_signals_are_no_faults(demo: MeasurementSet, spoil: Spoil) -> None:
     measurements = spoilt(demo, spoil)
-    assert not any(column_faults(group.segments, demo.robot) for group in measurements.groups)
+    assert not any(column_findings(group.segments, demo.robot) for group in measurements.groups)
     assert max(check_signals(measurements)) < 0.05 and not noise_notes(measurements)
 
 

@@ -16,7 +16,7 @@ from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_checks import check_torques
 from flexviz.importing.torque_model import LoadedTable, TorqueModel
 from flexviz.measurements import GroupTable, MeasurementSet, Segment, pieces
-from flexviz.noise import Fault, column_faults
+from flexviz.noise import column_findings
 from flexviz.robot import Robot
 
 log = logging.getLogger(__name__)
@@ -63,7 +63,7 @@ def check_columns(robot: Robot, groups: Sequence[LoadedTable]) -> list[Issue]:
         segments = [
             Segment(table.time[part], table.theta[part], table.tau[part], step) for part in pieces(table.time)
         ]
-        for fault in column_faults(segments, robot):
+        for fault in column_findings(segments, robot):
             key = fault.signal, fault.joint
             if key not in worst or worst[key][1].count < fault.count:
                 worst[key] = table.name, fault

@@ -2,17 +2,27 @@
 
 from flexviz.noise.check import check_signals, noise_notes
 from flexviz.noise.estimates import resolution, segments_noise, white_noise
-from flexviz.noise.faults import Fault, column_faults
 from flexviz.noise.filtered import FilteredLog, filtered_before_writing
+from flexviz.noise.findings import Channel, Finding, Remedy
+from flexviz.noise.jumps import check_jumps, column_findings, jumped, outliers, unwrapped
+from flexviz.noise.repeats import check_repeats, new_rows
 
 __all__ = [
-    "Fault",
+    "Channel",
     "FilteredLog",
+    "Finding",
+    "Remedy",
+    "check_jumps",
+    "check_repeats",
     "check_signals",
-    "column_faults",
+    "column_findings",
     "filtered_before_writing",
+    "jumped",
+    "new_rows",
     "noise_notes",
+    "outliers",
     "resolution",
     "segments_noise",
+    "unwrapped",
     "white_noise",
 ]

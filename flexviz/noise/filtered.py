@@ -16,7 +16,8 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.measurements import Segment
-from flexviz.noise.estimates import new_values, resolution
+from flexviz.noise.estimates import resolution
+from flexviz.noise.repeats import repeats_of
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.wording import number
 
@@ -90,6 +91,14 @@ def _content(segments: Sequence[Segment], name: str, filtered: Bools, least: Arr
     return found
 
 
+def _new_values(y: Array) -> tuple[Array, float]:
+    """The rows of y (shape (N, m)) in which any column is new, and how many samples they last."""
+    if min(repeats_of(column).lasts for column in y.T) <= 1.0:
+        return y, 1.0
+    rows = np.flatnonzero(np.diff(y, axis=0).any(axis=1))
+    return y[np.concatenate(([0], rows + 1))], float(rows[-1] - rows[0]) / (len(rows) - 1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
     """Median spectrum of one signal of all joints over many windows.
@@ -107,7 +116,7 @@ class _Spectrum:
     @staticmethod
     def of(segments: Sequence[Segment], name: str, seconds: float) -> _Spectrum:
         """From windows of about `seconds`; segments with another rate than most samples do not count."""
-        signals = [(new_values(getattr(s, name)), s.step) for s in segments]
+        signals = [(_new_values(getattr(s, name)), s.step) for s in segments]
         parts = [(y, 1 / (held * step)) for (y, held), step in signals]
         rate = max(parts, key=lambda part: len(part[0]))[1]
         usual = [y for y, own in parts if abs(own / rate - 1) < SAME_RATE]
