@@ -143,12 +143,18 @@ def only_spikes(theta: Array, tau: Array, rng: np.random.Generator) -> None:
 
 
 FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
-    "zeros": (zeros, ("column theta_joint", "the value is 0", "also in", "tau_joint1", "dropped values? expected")),
+    "zeros": (
+        zeros,
+        ("column theta_joint", "the value is 0", "also in", "tau_joint1", "dropped values? expected"),
+    ),
     "zero torques": (zero_torques, ("column tau_joint2", "times the value is 0 between", "dropped")),
     "marked torques": (marked_torques, ("column tau_joint1", "−999.0")),
     "two publishers": (publishers, ("column theta_joint", "jumps at", "two publishers on one topic")),
     "wraps": (wraps, ("column theta_joint2", "jumps by about 0.06", "wrapped")),
-    "one glitch": (glitch, ("row 1001, column theta_joint1", "jumps at 2 of", "201 rad/s", "transmission errors")),
+    "one glitch": (
+        glitch,
+        ("row 1001, column theta_joint1", "jumps at 2 of", "201 rad/s", "transmission errors"),
+    ),
     "first row": (first_row, ("row 2, column theta_joint", "jumps at 1 of", "also in theta_joint")),
     "noise as position": (noise_as_position, ("column theta_joint1", "jumps at")),
     "noise above motion": (coarse_noise, ("column theta_joint", "noise of this position", "below 4 Hz")),

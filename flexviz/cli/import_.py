@@ -43,6 +43,9 @@ def import_(
     yes: bool = typer.Option(
         False, "--yes", help="Ask nothing, and write the set even if something looks wrong."
     ),
+    mend: bool = typer.Option(
+        False, "--mend", help="Set the keys that are proposed for the samples (wrap, leave_out, …)."
+    ),
     json_file: JsonOption = None,
 ) -> int:
     """Convert logs to a measurement set.
@@ -74,7 +77,9 @@ def import_(
                 return INCOMPLETE if found.draft.missing else 0
             file, content = Path("mapping"), found.draft.mapping()
         run: dict[str, Any] = {"progress": report, "should_stop": should_stop}
-        done = import_logs(file, out, mapping=content, table_format=table_format, accept=yes, **run)
+        done = import_logs(
+            file, out, mapping=content, table_format=table_format, accept=yes, mend=mend, **run
+        )
     if json_file is not None:
         terminal.write_json(json_file, done.to_json())
     terminal.print_lines(summary(done, out))
@@ -148,6 +153,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
             f"{time[-1]:.6g} s at {rate}, payload {group.entry.payload}, {use}"
         )
         lines += [f"  {note}" for note in group.notes]
+    lines += [f"set as proposed: {text}" for text in done.mended]
     for o in done.offsets:
         size = f"{1e3 * abs(o.delay):.3f} ± {1e3 * NORMAL_95 * o.std:.2g} ms"
         lines.append(

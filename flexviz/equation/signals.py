@@ -156,7 +156,8 @@ def _nothing_left(groups: Sequence[Group], observer: Observer, transients: float
     """All segments are shorter than the observer's transients [s]."""
     lengths = [s.time[-1] - s.time[0] for g in groups for s in g.segments]
     longest = max(lengths, default=0.0)
-    needs = f"the observer {observer.name} at {np.min(observer.bandwidth):g} rad/s needs {transients:.3g} s to settle"
+    band = f"{observer.name} at {np.min(observer.bandwidth):g} rad/s"
+    needs = f"the observer {band} needs {transients:.3g} s to settle"
     if len(lengths) > len(groups):
         gaps = f"gaps cut {len(groups)} groups" if len(groups) > 1 else "gaps cut the group"
         cut = f"{gaps} into {len(lengths)} stretches of at most {longest:.3g} s"
@@ -164,6 +165,6 @@ def _nothing_left(groups: Sequence[Group], observer: Observer, transients: float
             f"no samples are left: {cut}, {needs}; expected a recording without gaps of this length"
         )
     return InputError(
-        f"no samples are left: the longest group has {longest:.3g} s, {needs}; record longer, or take a higher "
-        "bandwidth"
+        f"no samples are left: the longest group has {longest:.3g} s, {needs}; record longer, or take a "
+        "higher bandwidth"
     )

@@ -91,8 +91,8 @@ def identify(
         g.name for g in (*fitted, *held_out) if g.name not in (*result.groups, *result.validation_groups)
     ]
     if left_out:
-        text = f"{plural(len(left_out), 'group')} not used: {listed(left_out)}, gaps leave no stretch longer than "
-        text += "the observer's transients"
+        text = f"{plural(len(left_out), 'group')} not used: {listed(left_out)}, gaps leave no stretch longer "
+        text += "than the observer's transients"
         result = replace(result, message=f"{result.message}; {text}")
     return replace(result, residual=residual, seconds=time.perf_counter() - began)
 

@@ -6,7 +6,7 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexviz import toml
+from flexviz.arrays import Bools
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, size_of
 from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader, Temperatures
@@ -57,6 +58,9 @@ class SignalColumn(StrictTable):
     sign: Literal[1, -1] = 1
     offset: Number = 0.0  # [rad] or [Nm] at the joint, added last
     time: Text | None = None  # its own time column, where it is not the usual one
+    missing: Number | None = None  # a number of the column that stands for a missing value
+    wrap: Positive | None = None  # period by which the column overflows, in its own unit
+    fresh: bool = False  # only values that differ from the one before
 
     @model_validator(mode="before")
     @classmethod
@@ -139,6 +143,17 @@ class LogEntry(StrictTable):
     temperature: Temperatures | None = None
     start: NotNegative = Field(default=0.0, alias="from")  # [s] after the log's first sample
     stop: Positive | None = Field(default=None, alias="to")  # [s]
+    leave_out: list[Annotated[list[NotNegative], Field(min_length=2, max_length=2)]] = Field(
+        default_factory=list
+    )  # [s] stretches [begin, end], counted as `from` is
+    drop_jumps: bool = False  # leave out rows in which a position has jumped away and comes back
+
+    def uses(self, since: Array) -> Bools:
+        """Which instants (N,) [s] after the log's first sample are used."""
+        used = (since >= self.start) & (since <= (np.inf if self.stop is None else self.stop))
+        for first, last in self.leave_out:
+            used &= (since < first) | (since > last)
+        return used
 
     @property
     def files(self) -> list[str]:
@@ -159,6 +174,7 @@ class Mapping(SetHeader):
     logs: Annotated[list[LogEntry], Field(min_length=1)]
     joints: Annotated[dict[str, JointColumns], Field(min_length=1)]
     coupling: Coupling | None = None  # of signals with side = "motor"
+    complete_rows: bool = False  # leave out rows that lack a signal which is taken from their table
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -209,12 +225,34 @@ class Fix:
 
 
 @dataclass(frozen=True)
+class Proposal:
+    """A key of the mapping that would mend an issue, and that only the user sets."""
+
+    place: tuple[str, ...]  # ("joints", joint, signal), ("logs", group), or () for the top of the file
+    key: str
+    value: Any
+
+    @property
+    def text(self) -> str:
+        """The key as it is written."""
+        return f"{self.key} = {toml.value_text(self.value)}"
+
+    def __str__(self) -> str:
+        where = {0: "", 2: f'for log "{self.place[-1]}"' if self.place else "", 3: ""}[len(self.place)]
+        if len(self.place) == 3:
+            where = f"in {self.place[2]} of [joints.{self.place[1]}]"
+        return f"{self.text} {where}".strip()
+
+
+@dataclass(frozen=True)
 class Issue:
     """Something in the data that looks wrong or odd."""
 
     kind: Literal[
-        "unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "jumps", "unexplained"
-    ]
+        "unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "unexplained",
+        "messages", "wrapped", "dropped", "outliers", "jumps",
+        "repeated", "stale", "constant", "held", "contact", "filtered",
+    ]  # fmt: skip
     # "wrong": the data contradict the mapping, the set is not written unless the user insists;
     # "odd": it may be intended
     severity: Literal["wrong", "odd"]
@@ -222,9 +260,24 @@ class Issue:
     signal: str  # "theta", "tau", "q" or "theta_ref"
     message: str  # one sentence with numbers
     fixes: tuple[Fix, ...] = ()  # changes that would resolve it, where they are known
+    proposals: tuple[Proposal, ...] = ()  # keys that would, for the user to decide
 
     def __str__(self) -> str:
         return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
+
+
+def with_proposals(mapping: Mapping, issues: Iterable[Issue], file: Path) -> Mapping:
+    """The mapping with all keys that the issues propose."""
+    data = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
+    for proposal in (proposal for issue in issues for proposal in issue.proposals):
+        if not proposal.place:
+            table = data
+        elif proposal.place[0] == "logs":
+            table = next(log for log in data["logs"] if log["group"] == proposal.place[1])
+        else:
+            table = data["joints"][proposal.place[1]][proposal.place[2]]
+        table[proposal.key] = proposal.value
+    return parse(data, file)
 
 
 def read_mapping(file: Path) -> Mapping:
@@ -258,6 +311,9 @@ def check(mapping: Mapping, file: Path) -> None:
             refuse(f"{place}, payload", f'payload "{log.payload}" is not defined; {meant}')
         if log.stop is not None and log.stop <= log.start:
             refuse(f"{place}, to", f"found {log.stop:g}, expected more than from = {log.start:g}")
+        for first, last in log.leave_out:
+            if last <= first:
+                refuse(f"{place}, leave_out", f"found [{first:g}, {last:g}], expected [begin, end] in s")
         mapping.check_temperature(log.temperature, len(mapping.joints), file, place)
     if mapping.coupling is not None:
         check_coupling(mapping, mapping.coupling, refuse)

@@ -80,7 +80,7 @@ def _longest_bridged(time: Array, signals: Array, missing: Indices, gaps: Indice
 
 
 def _error(time: Array, signals: Array, missing: int, gaps: Indices) -> Array | None:
-    """(k,) error, in most places, of predicting the middle one of `missing` samples; None with too few places."""
+    """(k,) error, in most places, of predicting the middle of `missing` samples; None with too few places."""
     reach = int(_reach(missing))
     first = np.arange(reach, len(time) - reach - missing - 1)  # the last sample before
     inside = np.searchsorted(gaps, first - reach)

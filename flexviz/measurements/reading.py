@@ -11,6 +11,7 @@ import numpy as np
 
 from flexviz import toml
 from flexviz.errors import FlexvizError, InputError, choose_from
+from flexviz.measurements.bridging import Bridged
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet, present_fingerprint
 from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, parse
 from flexviz.measurements.segments import SHORTEST, Segmented, check_time, make_segments
@@ -253,16 +254,19 @@ def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:
         warnings.append(f"{listed(list(filled))}: {what} interpolated")
     for file, found in clocks.items():
         if (gaps := found.gaps) is not None and gaps.count:
-            left = (
-                f"; longer gaps, {gaps.left} of up to {1e3 * gaps.longest_left:.3g} ms, split it"
-                if gaps.left
-                else ""
-            )
-            warnings.append(
-                f"{file}: {plural(gaps.count, 'gap')} of up to {1e3 * gaps.longest:.3g} ms, short against the "
-                f"content of the signals, {'was' if gaps.count == 1 else 'were'} interpolated{left}"
-            )
+            warnings.append(f"{file}: {gap_text(gaps)}")
     return warnings
+
+
+def gap_text(gaps: Bridged) -> str:
+    """What was done to the gaps of a table."""
+    were = "was" if gaps.count == 1 else "were"
+    text = (
+        f"{plural(gaps.count, 'gap')} of up to {1e3 * gaps.longest:.3g} ms, short against the content of the "
+    )
+    text += f"signals, {were} interpolated"
+    left = f"; longer gaps, {gaps.left} of up to {1e3 * gaps.longest_left:.3g} ms, split it"
+    return text + (left if gaps.left else "")
 
 
 def listed(files: Sequence[Path]) -> str:

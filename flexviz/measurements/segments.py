@@ -1,8 +1,8 @@
 """From recorded instants to uniformly sampled segments: time checks, gaps, jitter.
 
-A *gap* is an interval longer than 2.75 times the median one. It ends a segment, unless it is short against the
-content of the signals and is bridged (`flexviz.measurements.bridging`). Within a segment the instants
-are compared with the best uniform clock t₀ + i·h:
+A *gap* is an interval longer than 2.75 times the median one. It ends a segment, unless it is short against
+the content of the signals and is bridged (`flexviz.measurements.bridging`). Within a segment the instants are
+compared with the best uniform clock t₀ + i·h:
 
 - within 0.1 % of h, or within the rounding of the recorded numbers (floating point, or a fixed number of
   decimals): the clock was uniform, the values stay and only `time` is made exact;

@@ -27,7 +27,7 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Remedy:
-    """A key of an import's mapping that mends a finding: of the signal, of the log, or of the whole mapping."""
+    """A key of an import's mapping that mends a finding: of a signal, of a log, or of the whole mapping."""
 
     key: str
     value: float | bool | tuple[tuple[float, float], ...]
@@ -92,7 +92,7 @@ class Channel:
     def finding(
         self, kind: Kind, samples: Indices, texts: tuple[str, str, str], remedy: Remedy | None = None
     ) -> Finding:
-        """A finding at these samples (m,), ascending; `texts`: what was found, its cause, what is expected."""
+        """A finding at these samples (m,), ascending; `texts`: what is found, its cause, what is expected."""
         stretches = runs(samples)
         seconds = tuple((float(self.time[i]), float(self.time[j])) for i, j in stretches[:SHOWN])
         where = tuple(stretches[:SHOWN])

@@ -94,7 +94,9 @@ def _cause(channel: Channel, at: Indices, fastest: float, unit: str) -> Finding:
         return _messages(channel, at, unit)
     period = overflow(values, [*TURNS, 2 * np.pi / channel.size, *_counts(values)])
     if period is None:
-        usual = np.median(np.diff(values)[np.clip([at - 2, at], 0, len(values) - 2)], axis=0)  # beside the jump
+        usual = np.median(
+            np.diff(values)[np.clip([at - 2, at], 0, len(values) - 2)], axis=0
+        )  # beside the jump
         size = float(np.median(np.abs(values[at] - values[at - 1] - usual)))
         period = overflow(values, [size]) if len(at) > 1 and np.ptp(values) < 1.1 * size else None
     if period is not None and ends(time, unwrapped(values, period)):
@@ -121,14 +123,14 @@ def _jumps_at(channel: Channel, at: Indices, unit: str) -> str:
     speed = float(np.max(steps / (channel.time[at] - channel.time[at - 1])))
     before, after = channel.size * channel.values[at[0] - 1 : at[0] + 1]
     return (
-        f"the position jumps at {len(at)} of {len(channel.values)} instants, by up to {number(speed, 3)} {unit}/s "
-        f"(here from {number(before)} to {number(after)} {unit})"
+        f"the position jumps at {len(at)} of {len(channel.values)} instants, by up to {number(speed, 3)} "
+        f"{unit}/s (here from {number(before)} to {number(after)} {unit})"
     )
 
 
 def _messages(channel: Channel, at: Indices, unit: str) -> Finding:
     assert channel.incomplete is not None
-    share = f"{np.count_nonzero(channel.incomplete)} of {len(channel.values)} rows lack other signals of the joint"
+    share = f"{np.count_nonzero(channel.incomplete)} of {len(channel.values)} rows lack another signal"
     return channel.finding(
         "messages",
         at,
@@ -196,7 +198,8 @@ def _wrapped(channel: Channel, period: float, at: Indices) -> Finding:
 
 def _dropped(channel: Channel, value: float, at: Indices) -> Finding:
     before = channel.values[at[0] - 1]
-    found = f"{len(at)} times the value is {number(value)} between others far from it (here after {number(before)})"
+    found = f"{len(at)} times the value is {number(value)} between others far from it (here after "
+    found += f"{number(before)})"
     expected = "a measured number in every row; a row without one may be left out and is interpolated"
     return channel.finding("dropped", at, (found, "dropped values", expected), Remedy("missing", value))
 
@@ -230,7 +233,7 @@ def dropped(channel: Channel) -> Iterator[tuple[float, Indices]]:
 
 
 def outliers(channel: Channel, at: Indices) -> Indices:
-    """Samples (m,) between a jump and the jump back, of the jumps `at`; no longer than dropped values last."""
+    """Samples (m,) between a jump and the jump back, of the jumps `at`; as short as dropped values."""
     y, time = channel.values, channel.time
     longest = max(THRESHOLDS.dropped_seconds, 1.5 * float(np.median(np.diff(time))))
     away: list[int] = []

@@ -1,9 +1,9 @@
 """Torques that the robot does not make itself: brakes and supports that hold it at rest, hands that push it.
 
-Means over about half a second, in which vibrations cancel, are compared with the robot's masses, motor inertia,
-viscous and Coulomb friction and an offset, fitted to each joint where it moves. What is left there is what these do not know. A torque at rest that
-is further off than that, and than static friction, does not hold the arm; a torque in motion that is off once, and
-not when the same motion comes again, comes from outside.
+Means over about half a second, in which vibrations cancel, are compared with the robot's masses, motor
+inertia, viscous and Coulomb friction and an offset, fitted to each joint where it moves. What is left there
+is what these do not know. A torque at rest that is further off than that, and than static friction, does not
+hold the arm; a torque in motion that is off once, and not when the same motion comes again, comes from outside.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.arrays import Array, Bools, Indices
+from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
 from flexviz.noise.findings import Channel, Finding, Remedy, runs
 from flexviz.noise.thresholds import THRESHOLDS
@@ -25,11 +25,11 @@ FEWEST = 20  # means in motion that a fit needs
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One group: `time` (N,) [s], `theta` [rad] and `tau` [Nm] (N, n), and the payload."""
+    """One group and its payload."""
 
-    time: Array
-    theta: Array
-    tau: Array
+    time: Array  # (N,) [s] after the log's first sample
+    theta: Array  # (N, n) [rad]
+    tau: Array  # (N, n) [Nm]
     bodies: Sequence[PayloadBody] = ()
 
 
@@ -131,7 +131,9 @@ class _JointFit:
         off = torque - columns @ x + np.where(rest, columns[:, 2:4] @ x[2:4], 0.0)
         count = max(1, round(2 * THRESHOLDS.standing / THRESHOLDS.smoothed))
         slow = np.convolve(off[moving], np.ones(count) / count, "valid")
-        return _JointFit(off, usual, float(np.sqrt(np.mean(slow**2))), THRESHOLDS.static * abs(float(x[3])), rest)
+        return _JointFit(
+            off, usual, float(np.sqrt(np.mean(slow**2))), THRESHOLDS.static * abs(float(x[3])), rest
+        )
 
 
 def _held(
@@ -142,7 +144,9 @@ def _held(
     for j, fit in enumerate(fits):
         if fit is None:
             continue
-        least = fit.static + max(THRESHOLDS.off * fit.slow, THRESHOLDS.push * float(np.std(means.torque[:, j])))
+        least = fit.static + max(
+            THRESHOLDS.off * fit.slow, THRESHOLDS.push * float(np.std(means.torque[:, j]))
+        )
         for run in runs(np.flatnonzero(fit.rest)):
             off = float(np.median(np.abs(fit.off[run[0] : run[1] + 1])))
             span = _span(recording, means, run, j)
@@ -159,13 +163,17 @@ def _held(
         first = spans[0]
         inside = slice(*np.searchsorted(means.rows, [first[0], first[1] + 1]))
         off = float(np.median(fit.off[inside])) if len(fit.off[inside]) else 0.0
-        mean = float(np.mean(recording.tau[first[0] : first[1] + 1, j]))
+        mean = float(np.median(recording.tau[first[0] : first[1] + 1, j]))
         unit = "N" if robot.prismatic[j] else "Nm"
         found = (
-            f"the joint stands still with {number(mean, 3)} {unit}, {number(abs(off), 3)} {unit} from what would "
-            f"hold it; static friction is about {number(fit.static, 2)} {unit}"
+            f"the joint stands still with {number(mean, 3)} {unit}, {number(abs(off), 3)} {unit} from what "
+            f"would hold it; static friction is about {number(fit.static, 2)} {unit}"
         )
-        texts = found, "brakes, an emergency stop, a drive that is off, or a support", "motion under the drives alone"
+        texts = (
+            found,
+            "brakes, an emergency stop, a drive that is off, or a support",
+            "motion under the drives alone",
+        )
         samples = np.concatenate([np.arange(a, b + 1) for a, b in spans])
         yield channel.finding("held", samples, texts, _leave_out(recording, spans))
 
@@ -197,16 +205,21 @@ def _contacts(
         spans = []
         for a, b in runs(np.flatnonzero(_closed(far))):
             long = means.time[b] - means.time[a] > THRESHOLDS.standing
-            if long and _one_sided(means.time, fit.off, a, b, least) and _not_repeated(state, fit.off, a, b, least):
+            if (
+                long
+                and _one_sided(means.time, fit.off, a, b, least)
+                and _not_repeated(state, fit.off, a, b, least)
+            ):
                 spans.append((int(means.rows[a]), int(means.rows[b + 1]) - 1))
         share = sum(b - a for a, b in spans) / len(recording.time)
         if not spans or share > THRESHOLDS.contact_share:
             continue
         samples = np.concatenate([np.arange(a, b + 1) for a, b in spans])
         largest = float(np.max(np.abs(fit.off[far])))
+        seconds = len(samples) * float(np.median(np.diff(recording.time)))
         unit = "N" if robot.prismatic[j] else "Nm"
         found = (
-            f"for {number(float(len(samples) * np.median(np.diff(recording.time))), 2)} s the torque is up to "
+            f"for {number(seconds, 2)} s the torque is up to "
             f"{number(largest, 3)} {unit} away from that of the same motion at other times (usually "
             f"{number(fit.usual, 2)} {unit})"
         )
@@ -223,7 +236,9 @@ def _closed(far: Bools) -> Bools:
 
 def _one_sided(time: Array, off: Array, a: int, b: int, least: float) -> bool:
     """Whether a torque pushes in one direction: a vibration alternates."""
-    first, last = np.searchsorted(time, [time[a] - 2 * THRESHOLDS.standing, time[b] + 2 * THRESHOLDS.standing])
+    first, last = np.searchsorted(
+        time, [time[a] - 2 * THRESHOLDS.standing, time[b] + 2 * THRESHOLDS.standing]
+    )
     sign = np.sign(np.sum(off[a : b + 1]))
     return bool(np.min(sign * off[first:last]) > -0.5 * least)
 
@@ -251,17 +266,8 @@ def _leave_out(recording: Recording, spans: Sequence[tuple[int, int]]) -> Remedy
     if len(spans) == 1:
         first, last = spans[0]
         if time[first] - time[0] < THRESHOLDS.smoothed:
-            return Remedy("from", round(float(time[min(last + 1, len(time) - 1)] - time[0]), 3), "log")
+            return Remedy("from", round(float(time[min(last + 1, len(time) - 1)]), 3), "log")
         if time[-1] - time[last] < THRESHOLDS.smoothed:
-            return Remedy("to", round(float(time[first] - time[0]), 3), "log")
-    stretches = sorted(
-        (round(float(time[a] - time[0]), 3), round(float(time[b] - time[0]), 3)) for a, b in spans
-    )
+            return Remedy("to", round(float(time[first]), 3), "log")
+    stretches = sorted((round(float(time[a]), 3), round(float(time[b]), 3)) for a, b in spans)
     return Remedy("leave_out", tuple(stretches), "log")
-
-
-def leave_out(time: Array, stretches: Sequence[Sequence[float]]) -> Indices:
-    """Rows of `time` (N,) [s] outside the stretches, which are counted from the first instant."""
-    since = time - time[0]
-    inside = [(since >= first) & (since <= last) for first, last in stretches]
-    return np.flatnonzero(~np.any(inside, axis=0)) if inside else np.arange(len(time))

@@ -37,7 +37,7 @@ def repeats_of(y: Array) -> Repeats:
     steps = np.abs(np.diff(y))
     changed = np.flatnonzero(steps > 0) + 1
     rows = np.concatenate([[0], changed])
-    if len(rows) < FEWEST or 2 * AROUND >= len(y):
+    if len(rows) < FEWEST or len(y) <= 2 * AROUND:
         return Repeats(rows, 1.0)
     lengths = np.diff(rows)[1:]
     k, sizes = int(np.quantile(lengths, 0.1)), steps[steps > 0]
@@ -80,7 +80,7 @@ def check_repeats(channel: Channel, moves: Bools) -> list[Finding]:
     if found.lasts >= THRESHOLDS.repeated:
         repeated = np.setdiff1d(np.arange(len(y)), found.rows)
         rate = 1 / (found.lasts * float(np.median(np.diff(channel.time))))
-        text = f"each value stands in {number(found.lasts, 3)} rows on average ({number(rate, 3)} new values per second)"
+        text = f"each value stands in {number(found.lasts, 3)} rows on average, {number(rate, 3)} Hz"
         texts = text, "a log faster than its drive", "new values only; those between are interpolated"
         findings.append(channel.finding("repeated", repeated, texts, remedy))
     if len(stale):
