@@ -76,7 +76,6 @@ def still(prefix: str) -> Spoil:
 
 
 def only_gaps(folder: Path) -> None:
-    """A pause after every 20 rows of both fitted groups."""
     for seed, name in enumerate(("a.csv", "b.parquet")):
         data = columns(seed)
         write_table(folder / name, data | {"time": data["time"] + 5.0 * np.floor(np.arange(2000) / 20)})

@@ -43,9 +43,7 @@ def import_(
     yes: bool = typer.Option(
         False, "--yes", help="Ask nothing, and write the set even if something looks wrong."
     ),
-    mend: bool = typer.Option(
-        False, "--mend", help="Set the keys that are proposed for the samples (wrap, leave_out, …)."
-    ),
+    mend: bool = typer.Option(False, "--mend", help="Set the keys that are proposed for the samples."),
     json_file: JsonOption = None,
 ) -> int:
     """Convert logs to a measurement set.

@@ -87,14 +87,20 @@ def identify(
             outcome = replace(outcome, converged=False, message=text)
         result = _result(measurements, fitted, plain, outcome, report)
     residual = _with_noise_share(result.residual, noise)
-    left_out = [
-        g.name for g in (*fitted, *held_out) if g.name not in (*result.groups, *result.validation_groups)
-    ]
-    if left_out:
-        text = f"{plural(len(left_out), 'group')} not used: {listed(left_out)}, gaps leave no stretch longer "
-        text += "than the observer's transients"
-        result = replace(result, message=f"{result.message}; {text}")
-    return replace(result, residual=residual, seconds=time.perf_counter() - began)
+    message = result.message + _left_out(result, (*fitted, *held_out))
+    return replace(result, residual=residual, message=message, seconds=time.perf_counter() - began)
+
+
+def _left_out(result: Identification, groups: Sequence[Group]) -> str:
+    """The groups that are not used; empty if all are."""
+    used = (*result.groups, *result.validation_groups)
+    names = [group.name for group in groups if group.name not in used]
+    if not names:
+        return ""
+    text = (
+        f"; {plural(len(names), 'group')} not used: {listed(names)}, gaps leave no stretch longer than the "
+    )
+    return f"{text}observer's transients"
 
 
 def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:

@@ -14,7 +14,8 @@ from typing import Any
 
 from flexviz import toml
 from flexviz.importing.formats import LogSource
-from flexviz.importing.mapping import SIGNALS, Fix, Mapping, Proposal, parse
+from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
+from flexviz.importing.proposals import Proposal
 from flexviz.robot import is_library_robot
 
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer

@@ -17,7 +17,8 @@ from flexviz.importing.checking import check_all
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
 from flexviz.importing.formats import LogSource, open_run
 from flexviz.importing.formats.base import ReadOptions, check_stop
-from flexviz.importing.mapping import Issue, Mapping, read_mapping, with_proposals
+from flexviz.importing.mapping import Issue, Mapping, parse, read_mapping
+from flexviz.importing.proposals import proposed
 from flexviz.importing.samples import SPOILT
 from flexviz.measurements import (
     GroupTable,
@@ -163,11 +164,13 @@ def read_and_check(
         groups = read_groups(mapping, file, file.absolute().parent, progress, should_stop)
         progress(Progress("comparing with the robot", 0.0))
         found = check_all(mapping, robot, payloads, groups)
-        proposed = dict.fromkeys(str(proposal) for issue in found for proposal in issue.proposals)
-        if not mend or not proposed or set(proposed) <= set(mended):
+        keys = dict.fromkeys(str(proposal) for issue in found for proposal in issue.proposals)
+        if not mend or set(keys) <= set(mended):
             break
-        mended += [text for text in proposed if text not in mended]
-        mapping = with_proposals(mapping, found, file).for_joints(robot.prismatic, file)
+        mended += [text for text in keys if text not in mended]
+        document = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
+        document = proposed(document, (proposal for issue in found for proposal in issue.proposals))
+        mapping = parse(document, file).for_joints(robot.prismatic, file)
     return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]
 
 

@@ -6,7 +6,7 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,6 +19,7 @@ from flexviz import toml
 from flexviz.arrays import Bools
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, size_of
+from flexviz.importing.proposals import Proposal
 from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader, Temperatures
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
@@ -225,26 +226,6 @@ class Fix:
 
 
 @dataclass(frozen=True)
-class Proposal:
-    """A key of the mapping that would mend an issue, and that only the user sets."""
-
-    place: tuple[str, ...]  # ("joints", joint, signal), ("logs", group), or () for the top of the file
-    key: str
-    value: Any
-
-    @property
-    def text(self) -> str:
-        """The key as it is written."""
-        return f"{self.key} = {toml.value_text(self.value)}"
-
-    def __str__(self) -> str:
-        where = {0: "", 2: f'for log "{self.place[-1]}"' if self.place else "", 3: ""}[len(self.place)]
-        if len(self.place) == 3:
-            where = f"in {self.place[2]} of [joints.{self.place[1]}]"
-        return f"{self.text} {where}".strip()
-
-
-@dataclass(frozen=True)
 class Issue:
     """Something in the data that looks wrong or odd."""
 
@@ -264,20 +245,6 @@ class Issue:
 
     def __str__(self) -> str:
         return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
-
-
-def with_proposals(mapping: Mapping, issues: Iterable[Issue], file: Path) -> Mapping:
-    """The mapping with all keys that the issues propose."""
-    data = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
-    for proposal in (proposal for issue in issues for proposal in issue.proposals):
-        if not proposal.place:
-            table = data
-        elif proposal.place[0] == "logs":
-            table = next(log for log in data["logs"] if log["group"] == proposal.place[1])
-        else:
-            table = data["joints"][proposal.place[1]][proposal.place[2]]
-        table[proposal.key] = proposal.value
-    return parse(data, file)
 
 
 def read_mapping(file: Path) -> Mapping:

@@ -11,13 +11,14 @@ import numpy as np
 from flexviz.arrays import Bools
 from flexviz.importing.assembling import AssembledGroup
 from flexviz.importing.formats.base import SHORTEST
-from flexviz.importing.mapping import NEEDED, Issue, Mapping, Proposal
+from flexviz.importing.mapping import NEEDED, Issue, Mapping
+from flexviz.importing.proposals import Proposal
 from flexviz.measurements import OPTIONAL_SIGNALS, GroupTable, Segment, likely_limits, pieces
 from flexviz.noise import (
     Channel,
-    Finding,
-    Recording,
+    GroupSamples,
     Remedy,
+    SampleFinding,
     check_jumps,
     check_outside,
     check_repeats,
@@ -30,7 +31,7 @@ SPOILT = ("messages", "wrapped", "dropped", "outliers", "jumps")  # nothing is c
 LISTED = 3  # stretches that a message lists
 MOVES = 0.02  # of its largest speed, from which a joint counts as moving
 
-Found = list[tuple[AssembledGroup, Finding]]
+Found = list[tuple[AssembledGroup, SampleFinding]]
 
 
 def check_samples(
@@ -47,7 +48,7 @@ def check_samples(
         ]
         if not any(finding.kind in SPOILT for finding in own):
             time = group.table.time + group.since
-            recording = Recording(time, group.table.theta, group.table.tau, payloads[group.table.payload])
+            recording = GroupSamples(time, group.table.theta, group.table.tau, payloads[group.table.payload])
             own += check_outside(recording, robot)
         found += [(group, finding) for finding in own]
     kinds = dict.fromkeys((finding.kind, finding.signal) for _, finding in found)
@@ -68,7 +69,9 @@ def channels(group: AssembledGroup) -> Iterator[Channel]:
             )  # fmt: skip
 
 
-def _of_channel(channel: Channel, group: AssembledGroup, mapping: Mapping, robot: Robot) -> list[Finding]:
+def _of_channel(
+    channel: Channel, group: AssembledGroup, mapping: Mapping, robot: Robot
+) -> list[SampleFinding]:
     j = mapping.names.index(channel.joint)
     jumps = check_jumps(channel, 2 * float(likely_limits(robot)[1][j]), robot.prismatic[j])
     return jumps or check_repeats(channel, _moves(channel, group))
@@ -105,7 +108,7 @@ def _issue(mapping: Mapping, found: Found) -> Issue:
     return Issue(worst.kind, severity, joints, worst.signal, message, proposals=proposals)
 
 
-def _where(group: AssembledGroup, finding: Finding) -> str:
+def _where(group: AssembledGroup, finding: SampleFinding) -> str:
     """Rows of the log and seconds after its first sample."""
     trace = group.traces[finding.joint, finding.signal]
     parts = []
@@ -199,7 +202,7 @@ def _filtered(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]
     joints = tuple(j for j, hertz in zip(mapping.names, log.tau, strict=True) if np.isfinite(hertz))
     message = (
         f"in all rows nothing is left above about {number(log.hertz, 2)} Hz, not even a sensor's noise: was the "
-        "log filtered before it was written, or computed? Expected: the signals as the drive measures them; these "
-        "are of use only if theta and tau went through the same filter"
+        "log filtered before it was written, or computed? Expected: the signals as the drive measures them; "
+        "these are of use only if theta and tau went through the same filter"
     )
     return [Issue("filtered", "odd", joints, "tau", message)]

@@ -3,17 +3,17 @@
 from flexviz.noise.check import check_signals, noise_notes
 from flexviz.noise.estimates import resolution, segments_noise, white_noise
 from flexviz.noise.filtered import FilteredLog, filtered_before_writing
-from flexviz.noise.findings import Channel, Finding, Remedy
+from flexviz.noise.findings import Channel, Remedy, SampleFinding
 from flexviz.noise.jumps import check_jumps, column_findings, jumped, outliers, unwrapped
-from flexviz.noise.outside import Recording, check_outside
+from flexviz.noise.outside import GroupSamples, check_outside
 from flexviz.noise.repeats import check_repeats, new_rows
 
 __all__ = [
     "Channel",
     "FilteredLog",
-    "Finding",
-    "Recording",
+    "GroupSamples",
     "Remedy",
+    "SampleFinding",
     "check_jumps",
     "check_outside",
     "check_repeats",

@@ -35,7 +35,7 @@ class Remedy:
 
 
 @dataclass(frozen=True)
-class Finding:
+class SampleFinding:
     """Something in the samples of one signal of one joint.
 
     Attributes:
@@ -91,12 +91,12 @@ class Channel:
 
     def finding(
         self, kind: Kind, samples: Indices, texts: tuple[str, str, str], remedy: Remedy | None = None
-    ) -> Finding:
+    ) -> SampleFinding:
         """A finding at these samples (m,), ascending; `texts`: what is found, its cause, what is expected."""
         stretches = runs(samples)
         seconds = tuple((float(self.time[i]), float(self.time[j])) for i, j in stretches[:SHOWN])
         where = tuple(stretches[:SHOWN])
-        return Finding(kind, self.signal, self.joint, where, seconds, len(samples), *texts, remedy)
+        return SampleFinding(kind, self.signal, self.joint, where, seconds, len(samples), *texts, remedy)
 
 
 def runs(samples: Indices) -> list[tuple[int, int]]:
@@ -109,7 +109,7 @@ def runs(samples: Indices) -> list[tuple[int, int]]:
     return [(int(i), int(j)) for i, j in zip(first, last, strict=True)]
 
 
-def worst_of_columns(found: Sequence[Finding]) -> tuple[Finding, ...]:
+def worst_of_columns(found: Sequence[SampleFinding]) -> tuple[SampleFinding, ...]:
     """Of each column the first finding, the column with the most samples concerned first."""
     columns = {finding.column: finding for finding in reversed(found)}
     return tuple(sorted(columns.values(), key=lambda finding: -finding.count))

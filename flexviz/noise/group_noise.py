@@ -10,7 +10,7 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.measurements import Group
 from flexviz.noise.estimates import sudden_noise, white_noise
-from flexviz.noise.findings import Finding
+from flexviz.noise.findings import SampleFinding
 from flexviz.noise.jumps import column_findings
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import Robot
@@ -31,7 +31,7 @@ class GroupNoise:
             and steps too.
     """
 
-    faults: tuple[Finding, ...]
+    faults: tuple[SampleFinding, ...]
     torque: Array
     acceleration: Array
     torque_noise: Array

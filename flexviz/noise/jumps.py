@@ -13,7 +13,7 @@ import numpy as np
 from flexviz.arrays import Array, Indices
 from flexviz.measurements import Segment, likely_limits
 from flexviz.noise.estimates import white_noise
-from flexviz.noise.findings import Channel, Finding, Remedy, worst_of_columns
+from flexviz.noise.findings import Channel, Remedy, SampleFinding, worst_of_columns
 from flexviz.noise.repeats import new_rows
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import Robot
@@ -24,11 +24,11 @@ BITS = range(8, 33)  # of a counter
 SHORTEST = 32  # samples that a repair has to leave
 
 
-def column_findings(segments: Sequence[Segment], robot: Robot) -> tuple[Finding, ...]:
+def column_findings(segments: Sequence[Segment], robot: Robot) -> tuple[SampleFinding, ...]:
     """All jumps and dropped values of a set's group, the column with the most samples concerned first."""
     time = np.concatenate([s.time for s in segments])
     fastest = THRESHOLDS.jump_speed * likely_limits(robot)[1]
-    found: list[Finding] = []
+    found: list[SampleFinding] = []
     for name in ("theta", "tau"):
         for j, joint in enumerate(robot.joints):
             values = np.concatenate([getattr(s, name)[:, j] for s in segments])
@@ -37,7 +37,7 @@ def column_findings(segments: Sequence[Segment], robot: Robot) -> tuple[Finding,
     return worst_of_columns(found)
 
 
-def check_jumps(channel: Channel, fastest: float, prismatic: bool) -> list[Finding]:
+def check_jumps(channel: Channel, fastest: float, prismatic: bool) -> list[SampleFinding]:
     """What jumps in a channel; `fastest`: a position's largest speed [rad/s], [m/s]."""
     if channel.signal == "theta":
         at = jumped(channel, fastest)
@@ -81,7 +81,7 @@ def sudden(steps: Array) -> Array:
     return np.minimum(np.maximum(one, two), np.abs(steps))
 
 
-def _cause(channel: Channel, at: Indices, fastest: float, unit: str) -> Finding:
+def _cause(channel: Channel, at: Indices, fastest: float, unit: str) -> SampleFinding:
     """Why a position jumps at the samples `at`: by the repair that ends it."""
 
     def ends(*columns: Array) -> bool:
@@ -128,7 +128,7 @@ def _jumps_at(channel: Channel, at: Indices, unit: str) -> str:
     )
 
 
-def _messages(channel: Channel, at: Indices, unit: str) -> Finding:
+def _messages(channel: Channel, at: Indices, unit: str) -> SampleFinding:
     assert channel.incomplete is not None
     share = f"{np.count_nonzero(channel.incomplete)} of {len(channel.values)} rows lack another signal"
     return channel.finding(
@@ -179,7 +179,7 @@ def unwrapped(values: Array, period: float, bounded: bool = False) -> Array:
     return signed if bounded else np.unwrap(signed, period=period)
 
 
-def _wrapped(channel: Channel, period: float, at: Indices) -> Finding:
+def _wrapped(channel: Channel, period: float, at: Indices) -> SampleFinding:
     names = {2 * np.pi: "2π", 360.0: "360", **{2.0**bits: f"2^{bits}" for bits in BITS}}
     name = next((text for value, text in names.items() if abs(period / value - 1) < 1e-3), number(period, 6))
     before, after = channel.values[at[0] - 1 : at[0] + 1]
@@ -196,7 +196,7 @@ def _wrapped(channel: Channel, period: float, at: Indices) -> Finding:
 # -- dropped values ------------------------------------------------------------------------------------------
 
 
-def _dropped(channel: Channel, value: float, at: Indices) -> Finding:
+def _dropped(channel: Channel, value: float, at: Indices) -> SampleFinding:
     before = channel.values[at[0] - 1]
     found = f"{len(at)} times the value is {number(value)} between others far from it (here after "
     found += f"{number(before)})"

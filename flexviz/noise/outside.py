@@ -3,7 +3,8 @@
 Means over about half a second, in which vibrations cancel, are compared with the robot's masses, motor
 inertia, viscous and Coulomb friction and an offset, fitted to each joint where it moves. What is left there
 is what these do not know. A torque at rest that is further off than that, and than static friction, does not
-hold the arm; a torque in motion that is off once, and not when the same motion comes again, comes from outside.
+hold the arm; a torque in motion that is off once, and not when the same motion comes again, comes from
+outside.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
-from flexviz.noise.findings import Channel, Finding, Remedy, runs
+from flexviz.noise.findings import Channel, Remedy, SampleFinding, runs
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import PayloadBody, Robot
 from flexviz.wording import number
@@ -24,7 +25,7 @@ FEWEST = 20  # means in motion that a fit needs
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class GroupSamples:
     """One group and its payload."""
 
     time: Array  # (N,) [s] after the log's first sample
@@ -33,7 +34,7 @@ class Recording:
     bodies: Sequence[PayloadBody] = ()
 
 
-def check_outside(recording: Recording, robot: Robot) -> list[Finding]:
+def check_outside(recording: GroupSamples, robot: Robot) -> list[SampleFinding]:
     """Stretches at rest with a torque that cannot hold the arm, and stretches of contact."""
     means = _Means.of(recording)
     if means is None:
@@ -63,7 +64,7 @@ class _Means:
     rows: Array  # (B + 1,) samples of the recording where they begin and end
 
     @staticmethod
-    def of(recording: Recording) -> _Means | None:
+    def of(recording: GroupSamples) -> _Means | None:
         """None for a recording that is too short. Gaps are bridged by lines."""
         time = recording.time
         step = float(np.median(np.diff(time)))
@@ -137,8 +138,8 @@ class _JointFit:
 
 
 def _held(
-    recording: Recording, robot: Robot, means: _Means, fits: Sequence[_JointFit | None]
-) -> Iterator[Finding]:
+    recording: GroupSamples, robot: Robot, means: _Means, fits: Sequence[_JointFit | None]
+) -> Iterator[SampleFinding]:
     """The joint whose torque at rest is the furthest from holding it, of each stretch of time."""
     worst: dict[tuple[int, int], tuple[float, int]] = {}
     for j, fit in enumerate(fits):
@@ -178,7 +179,7 @@ def _held(
         yield channel.finding("held", samples, texts, _leave_out(recording, spans))
 
 
-def _span(recording: Recording, means: _Means, run: tuple[int, int], j: int) -> tuple[int, int]:
+def _span(recording: GroupSamples, means: _Means, run: tuple[int, int], j: int) -> tuple[int, int]:
     """First and last sample of a rest: as long as the position stays where it is."""
     first, last = int(means.rows[run[0]]), int(means.rows[run[1] + 1]) - 1
     theta = recording.theta[:, j]
@@ -191,8 +192,8 @@ def _span(recording: Recording, means: _Means, run: tuple[int, int], j: int) -> 
 
 
 def _contacts(
-    recording: Recording, robot: Robot, means: _Means, fits: Sequence[_JointFit | None]
-) -> Iterator[Finding]:
+    recording: GroupSamples, robot: Robot, means: _Means, fits: Sequence[_JointFit | None]
+) -> Iterator[SampleFinding]:
     """Stretches in motion that are far from what the same motion takes at other times."""
     spread = np.maximum(np.std(means.q, axis=0), 1e-12)
     speed = np.maximum(np.std(means.v, axis=0), 1e-12)
@@ -256,11 +257,11 @@ def _not_repeated(state: Array, off: Array, a: int, b: int, least: float) -> boo
     return near >= 1 and usual > 0.5 * near
 
 
-def _channel(recording: Recording, robot: Robot, j: int) -> Channel:
+def _channel(recording: GroupSamples, robot: Robot, j: int) -> Channel:
     return Channel("tau", robot.joints[j], recording.time, recording.tau[:, j])
 
 
-def _leave_out(recording: Recording, spans: Sequence[tuple[int, int]]) -> Remedy:
+def _leave_out(recording: GroupSamples, spans: Sequence[tuple[int, int]]) -> Remedy:
     """The key that leaves these samples out: `from`, where the recording begins with them, or `to`."""
     time = recording.time
     if len(spans) == 1:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.arrays import Array, Bools, Indices
-from flexviz.noise.findings import Channel, Finding, Remedy, runs
+from flexviz.noise.findings import Channel, Remedy, SampleFinding, runs
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.wording import number
 
@@ -65,7 +65,7 @@ def new_rows(y: Array) -> Indices:
     return found.rows if found.lasts > 1.0 else np.arange(len(y))
 
 
-def check_repeats(channel: Channel, moves: Bools) -> list[Finding]:
+def check_repeats(channel: Channel, moves: Bools) -> list[SampleFinding]:
     """Repeated values, or a value that stands still while the joint moves; `moves` (N,): where it does."""
     y = channel.values
     if np.ptp(y) == 0.0:
