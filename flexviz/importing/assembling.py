@@ -14,7 +14,7 @@ from flexviz.importing.formats.base import SHORTEST, Log
 from flexviz.importing.mapping import NEEDED, SIGNALS, LogEntry, Mapping, TorqueColumn
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTable, interpolate
-from flexviz.noise import Channel, jumped, outliers, unwrapped
+from flexviz.noise import Channel, outliers, unwrapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def without_jumps(traces: Traces, entry: LogEntry, notes: list[str]) -> Traces:
     for (joint, name), trace in traces.items():
         if name == "theta":
             channel = Channel(name, joint, trace.time, trace.values)
-            away = outliers(channel, jumped(channel, 0.0))
+            away, _ = outliers(channel)
             lost.setdefault(trace.clock, set()).update(trace.rows[away].tolist())
     kept: Traces = {}
     for key, trace in traces.items():

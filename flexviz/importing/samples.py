@@ -197,7 +197,7 @@ def _filtered(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]
         step = float(np.median(np.diff(table.time)))
         segments += [Segment(table.time[p], table.theta[p], table.tau[p], step) for p in pieces(table.time)]
     log = filtered_before_writing(segments)
-    if log.hertz is None:
+    if log.hertz is None or not log.certain:
         return []
     joints = tuple(j for j, hertz in zip(mapping.names, log.tau, strict=True) if np.isfinite(hertz))
     message = (

@@ -4,7 +4,7 @@ from flexviz.noise.check import check_signals, noise_notes
 from flexviz.noise.estimates import resolution, segments_noise, white_noise
 from flexviz.noise.filtered import FilteredLog, filtered_before_writing
 from flexviz.noise.findings import Channel, Remedy, SampleFinding
-from flexviz.noise.jumps import check_jumps, column_findings, jumped, outliers, unwrapped
+from flexviz.noise.jumps import check_jumps, column_findings, outliers, unwrapped
 from flexviz.noise.outside import GroupSamples, check_outside
 from flexviz.noise.repeats import check_repeats, new_rows
 
@@ -20,7 +20,6 @@ __all__ = [
     "check_signals",
     "column_findings",
     "filtered_before_writing",
-    "jumped",
     "new_rows",
     "noise_notes",
     "outliers",

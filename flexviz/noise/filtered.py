@@ -38,10 +38,12 @@ class FilteredLog:
     Attributes:
         theta, tau: shape (n,), frequency up to which each joint's signal still has content [Hz]; NaN where
             it was not filtered.
+        certain: whether the torques fall too steeply for what friction and vibrations leave unfiltered.
     """
 
     theta: Array
     tau: Array
+    certain: bool = False
 
     @property
     def hertz(self) -> float | None:
@@ -73,7 +75,9 @@ def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     log_falls = bool(np.isfinite(falls).any()) and float(np.nanmedian(falls)) > THRESHOLDS.first_order
     torques = (tau.high < finest[1]) | (log_falls & (falls > THRESHOLDS.falling))
     positions = (theta.high < finest[0]) | (torques & (theta.falls > THRESHOLDS.falling))
+    steep = (tau.high < finest[1]) | (falls > THRESHOLDS.steep)
     return FilteredLog(
+        certain=2 * np.count_nonzero(steep) > len(steep),
         theta=_content(segments, "theta", positions, THRESHOLDS.position_content * finest[0]),
         tau=_content(segments, "tau", torques, THRESHOLDS.torque_content * finest[1]),
     )

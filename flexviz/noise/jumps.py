@@ -22,6 +22,7 @@ from flexviz.wording import number
 TURNS = (2 * np.pi, 360.0)
 BITS = range(8, 33)  # of a counter
 SHORTEST = 32  # samples that a repair has to leave
+PASSES = 10  # over samples that jump away and back
 
 
 def column_findings(segments: Sequence[Segment], robot: Robot) -> tuple[SampleFinding, ...]:
@@ -105,11 +106,9 @@ def _cause(channel: Channel, at: Indices, fastest: float, unit: str) -> SampleFi
         kept = values != value
         if ends(time[kept], values[kept]):
             return _dropped(channel, value, lost)
-    away = outliers(channel, at)
-    kept = np.ones(len(values), dtype=bool)
-    kept[away] = False
+    away, left = outliers(channel, fastest)
     found = _jumps_at(channel, at, unit)
-    if len(away) and ends(time[kept], values[kept]):
+    if len(away) and left < 0.01 * len(at):
         often = len(away) > 0.02 * len(values)
         cause = "two publishers on one topic" if often else "late or wrong samples (transmission errors)"
         expected = "the continuous motion of one joint; the samples that jump away and back may be left out"
@@ -232,17 +231,41 @@ def dropped(channel: Channel) -> Iterator[tuple[float, Indices]]:
 # -- outliers ------------------------------------------------------------------------------------------------
 
 
-def outliers(channel: Channel, at: Indices) -> Indices:
-    """Samples (m,) between a jump and the jump back, of the jumps `at`; as short as dropped values."""
+def outliers(channel: Channel, fastest: float = 0.0) -> tuple[Indices, int]:
+    """Samples (m,) between a jump and the jump back, as short as dropped values; jumps that are left then.
+
+    Where two motions cross, single jumps are too small to be seen until the others are taken out.
+    """
+    away = np.zeros(0, dtype=int)
+    for _ in range(PASSES):
+        kept = np.setdiff1d(np.arange(len(channel.values)), away)
+        if len(kept) < SHORTEST:
+            break
+        part = replace(channel, time=channel.time[kept], values=channel.values[kept], incomplete=None)
+        at = jumped(part, fastest)
+        found = _between(part, at)
+        if not len(found):
+            return away, len(at)
+        away = np.sort(np.concatenate([away, kept[found]]))
+    return away, len(channel.values)
+
+
+def _between(channel: Channel, at: Indices) -> Indices:
+    """Samples (m,) between a jump and the jump back, of the jumps `at`."""
     y, time = channel.values, channel.time
     longest = max(THRESHOLDS.dropped_seconds, 1.5 * float(np.median(np.diff(time))))
+    if not len(at):
+        return at
+    edges = np.concatenate([[0], at, [len(y)]])
+    sizes = np.diff(edges)
     away: list[int] = []
-    start, before = -1, 0.0
-    for i in at:
-        if start >= 0 and time[i] - time[start] <= longest:
-            if abs(y[i] - before) < 0.5 * abs(y[start] - before):
-                away += range(start, i)
-                start = -1
-            continue
-        start, before = int(i), float(y[i - 1])
+    last = -1  # row before this piece of those that stay
+    for first, size, after in zip(edges[:-1], sizes, [*sizes[1:], sizes[-2]], strict=True):
+        end = first + size
+        short = size <= after and time[min(end, len(y) - 1)] - time[first] <= longest
+        comes_back = last < 0 or end == len(y) or abs(y[end] - y[last]) < 0.5 * abs(y[first] - y[last])
+        if short and comes_back:
+            away += range(int(first), int(end))
+        else:
+            last = int(end) - 1
     return np.array(away, dtype=int)

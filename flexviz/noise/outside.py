@@ -195,14 +195,12 @@ def _contacts(
     recording: GroupSamples, robot: Robot, means: _Means, fits: Sequence[_JointFit | None]
 ) -> Iterator[SampleFinding]:
     """Stretches in motion that are far from what the same motion takes at other times."""
-    spread = np.maximum(np.std(means.q, axis=0), 1e-12)
-    speed = np.maximum(np.std(means.v, axis=0), 1e-12)
-    state = np.hstack([means.q / spread, means.v / speed])
     for j, fit in enumerate(fits):
         if fit is None:
             continue
         least = max(THRESHOLDS.far_off * fit.usual, THRESHOLDS.push * float(np.std(means.torque[:, j])))
         far = (np.abs(fit.off) > least) & ~fit.rest
+        state = np.stack([x[:, j] / max(float(np.std(x[:, j])), 1e-12) for x in (means.q, means.v)], axis=1)
         spans = []
         for a, b in runs(np.flatnonzero(_closed(far))):
             long = means.time[b] - means.time[a] > THRESHOLDS.standing
@@ -245,7 +243,7 @@ def _one_sided(time: Array, off: Array, a: int, b: int, least: float) -> bool:
 
 
 def _not_repeated(state: Array, off: Array, a: int, b: int, least: float) -> bool:
-    """Whether motion close to that of the means a … b leads to usual torques at other times."""
+    """Whether the same position and velocity of the joint as in the means a … b take usual torques otherwise."""
     others = np.ones(len(off), dtype=bool)
     others[max(0, a - 3) : b + 4] = False
     near = usual = 0

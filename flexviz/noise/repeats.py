@@ -51,7 +51,8 @@ def repeats_of(y: Array) -> Repeats:
 
 def _moving(y: Array, steps: Array) -> Bools:
     """Steps (N − 1,) at which the column moves by several counts per row."""
-    least = AROUND * THRESHOLDS.counts_per_row * float(np.min(steps[steps > 0]))
+    count = float(np.quantile(steps[steps > 0], THRESHOLDS.count_quantile))
+    least = AROUND * THRESHOLDS.counts_per_row * count
     gone = y[AROUND:] - y[:-AROUND]
     before, after = gone[: -AROUND - 1], gone[AROUND + 1 :]  # on both sides: a single jump is no motion
     moving = np.zeros(len(steps), dtype=bool)

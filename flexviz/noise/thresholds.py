@@ -23,6 +23,7 @@ class NoiseThresholds:
     rounding: float = 1e-12  # share of the largest value up to which a difference is rounding of floats
     held_regularly: float = 0.9  # share of the values that last a multiple of the same number of samples,
     held_steps: float = 3.0  # and steps in counts: an encoder at slow speed moves by single ones
+    count_quantile: float = 0.05  # of the steps that are not 0: a count, whatever single values are between
     counts_per_row: float = 4.0  # a column that moves by more and does not change repeats a value
     repeated: float = 1.1  # samples per new value from which a signal is one recorded more slowly
     stale: float = 0.05  # [s] a value that stands longer than this, and this many times as long as
@@ -32,6 +33,7 @@ class NoiseThresholds:
     # Filtered logs
     first_order: float = 2.5  # by which the level falls from 0.07 to 0.27 times the rate behind a first-order
     falling: float = 1.7  # filter (3.2 far above its cut-off); single joints of such a log fall by this
+    steep: float = 50.0  # behind a filter of third order; the torque of friction falls by up to 15
     above_stop_band: float = 10.0  # times the level at a quarter of the rate that counts as content
     torque_content: float = 256.0  # times the finest resolution that counts as content: 2^-10 of the range
     position_content: float = 4.0  # the same of a position: a count of an encoder with 2^22 counts a turn
@@ -54,8 +56,8 @@ class NoiseThresholds:
     standing: float = 0.5  # [s] shorter rests and contacts tell nothing
     static: float = 2.0  # times its Coulomb friction that a joint may have at rest
     off: float = 4.0  # times the error in motion from which a torque at rest does not hold the joint
-    far_off: float = 8.0  # times the usual error, and
-    push: float = 0.15  # this share of the torque's spread, from which a torque in motion comes from outside
+    far_off: float = 10.0  # times the usual error, and
+    push: float = 0.3  # this share of the torque's spread, from which a torque in motion comes from outside
     same_motion: float = 0.25  # of their spreads by which position and velocity may differ in the same motion
     contact_share: float = 0.25  # of the recording; more is no exception
 
