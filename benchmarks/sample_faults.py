@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 @dataclass
 class Log:
-    """A log to be written: `time` (N,) [s], `theta` and `tau` (N, n) in `units`; NaN where a row has no value."""
+    """A log to be written: `time` (N,) [s], `theta`, `tau` (N, n) in `units`; NaN where a row has none."""
 
     time: Array
     theta: Array
@@ -167,11 +167,11 @@ def brakes_between(log: Log) -> Place:
 
 
 def push(log: Log) -> Place:
-    """A hand: over 1.2 s up to half of a joint's usual torque, which the drive holds against."""
+    """A hand: over 1.5 s up to twice the spread of a torque, which the drive holds against."""
     j, first = log.joint, len(log.time) // 2
-    count = round(1.2 / np.median(np.diff(log.time)))
+    count = round(1.5 / np.median(np.diff(log.time)))
     shape = np.sin(np.pi * np.arange(count) / count) ** 2
-    log.tau[first : first + count, j] += 1.2 * np.std(log.tau[:, j]) * shape
+    log.tau[first : first + count, j] += 2.0 * np.std(log.tau[:, j]) * shape
     return float(log.time[first]), float(log.time[first + count - 1])
 
 

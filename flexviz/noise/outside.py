@@ -101,7 +101,7 @@ class _JointFit:
     Attributes:
         off: (B,) what the masses, inertia and friction leave of it [Nm]; at rest without friction.
         usual: typical size of that in motion [Nm].
-        slow: rms of its means over `standing` in motion [Nm].
+        slow: typical size of its means over `standing` in motion [Nm].
         static: torque that friction may take at rest [Nm].
         rest: (B,) where the joint rests.
     """
@@ -133,7 +133,7 @@ class _JointFit:
         count = max(1, round(2 * THRESHOLDS.standing / THRESHOLDS.smoothed))
         slow = np.convolve(off[moving], np.ones(count) / count, "valid")
         return _JointFit(
-            off, usual, float(np.sqrt(np.mean(slow**2))), THRESHOLDS.static * abs(float(x[3])), rest
+            off, usual, 1.4826 * float(np.median(np.abs(slow))), THRESHOLDS.static * abs(float(x[3])), rest
         )
 
 
@@ -152,7 +152,14 @@ def _held(
             off = float(np.median(np.abs(fit.off[run[0] : run[1] + 1])))
             span = _span(recording, means, run, j)
             long = recording.time[span[1]] - recording.time[span[0]] > THRESHOLDS.standing
-            if long and off > least and off / least > worst.get(span, (0.0, 0))[0]:
+            needed = float(
+                np.median(np.abs(means.torque[run[0] : run[1] + 1, j] - fit.off[run[0] : run[1] + 1]))
+            )
+            if (
+                long
+                and off > max(least, THRESHOLDS.held * needed)
+                and off / least > worst.get(span, (0.0, 0))[0]
+            ):
                 worst[span] = off / least, j
     by_joint: dict[int, list[tuple[int, int]]] = {}
     for span, (_, j) in worst.items():
@@ -243,7 +250,7 @@ def _one_sided(time: Array, off: Array, a: int, b: int, least: float) -> bool:
 
 
 def _not_repeated(state: Array, off: Array, a: int, b: int, least: float) -> bool:
-    """Whether the same position and velocity of the joint as in the means a … b take usual torques otherwise."""
+    """Whether position and velocity of the joint in the means a … b take usual torques at other times."""
     others = np.ones(len(off), dtype=bool)
     others[max(0, a - 3) : b + 4] = False
     near = usual = 0

@@ -105,7 +105,8 @@ def _stale(channel: Channel, found: Repeats, moves: Bools) -> Indices:
     moved = np.concatenate([[0], np.cumsum(moves)])
     mostly = (moved[ends[1:]] - moved[ends[:-1]]) > 0.5 * lengths
     count = float(np.min(np.abs(np.diff(y)), where=np.diff(y) != 0.0, initial=np.inf))
-    then = np.append(np.abs(np.diff(y[found.rows])), np.inf)  # a slow one would go on by single counts
+    jumps = np.abs(np.diff(y[found.rows]))
+    then = np.maximum(np.append(jumps, 0.0), np.append(0.0, jumps))  # a slow one goes on by single counts
     long = (lengths > least) & mostly & ~extremes & (then > THRESHOLDS.counts_per_row * count)
     spans = [np.arange(a + 1, b) for a, b in zip(ends[:-1][long], ends[1:][long], strict=True)]
     return np.concatenate(spans) if spans else np.zeros(0, dtype=int)

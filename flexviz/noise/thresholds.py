@@ -53,12 +53,13 @@ class NoiseThresholds:
     # Torques from outside: against masses, inertia and friction
     smoothed: float = 0.25  # [s] three means over it, one of the other, leave 6 % of a vibration of 2.5 Hz
     resting: float = 5e-3  # [rad/s], [m/s] a slower joint rests
-    standing: float = 0.5  # [s] shorter rests and contacts tell nothing
+    standing: float = 0.4  # [s] shorter rests and contacts tell nothing
+    held: float = 0.5  # of the torque that would hold the joint, from which one at rest may not hold it
     static: float = 2.0  # times its Coulomb friction that a joint may have at rest
-    off: float = 4.0  # times the error in motion from which a torque at rest does not hold the joint
+    off: float = 6.0  # times the usual error in motion from which a torque at rest does not hold the joint
     far_off: float = 10.0  # times the usual error, and
     push: float = 0.3  # this share of the torque's spread, from which a torque in motion comes from outside
-    same_motion: float = 0.25  # of their spreads by which position and velocity may differ in the same motion
+    same_motion: float = 0.5  # of their spreads by which position and velocity may differ in the same motion
     contact_share: float = 0.25  # of the recording; more is no exception
 
     # Noise against the signal
