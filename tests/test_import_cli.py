@@ -271,7 +271,7 @@ def test_usage(
     assert Path("m.toml").read_text() == "format = 1" and not Path("new").exists()
 
 
-@pytest.mark.parametrize("where", ["read_groups", "check_groups", "write_set"])
+@pytest.mark.parametrize("where", ["read_groups", "check_all", "write_set"])
 def test_interrupted_anywhere_leaves_nothing(
     tmp_path: Path, where: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -73,9 +73,11 @@ def test_offset_is_not_invented() -> None:
     """Where the two do not move alike nothing is said."""
     rng = np.random.default_rng(0)
     time = 0.002 * np.arange(2000)
-    noise = [Trace("x", "c", time, np.cumsum(rng.normal(size=2000)) * 1e-3) for _ in range(3)]
+    noise = [
+        Trace("x", "c", time, np.cumsum(rng.normal(size=2000)) * 1e-3, np.arange(2000)) for _ in range(3)
+    ]
     assert delay_of([JointTraces(*noise)]) is None
-    slow = [Trace("x", "c", 0.2 * np.arange(100), np.sin(np.arange(100.0))) for _ in range(3)]
+    slow = [Trace("x", "c", 0.2 * np.arange(100), np.sin(np.arange(100.0)), np.arange(100)) for _ in range(3)]
     assert delay_of([JointTraces(*slow)]) is None
 
 

@@ -43,6 +43,7 @@ def import_(
     yes: bool = typer.Option(
         False, "--yes", help="Ask nothing, and write the set even if something looks wrong."
     ),
+    mend: bool = typer.Option(False, "--mend", help="Set the keys that are proposed for the samples."),
     json_file: JsonOption = None,
 ) -> int:
     """Convert logs to a measurement set.
@@ -74,7 +75,9 @@ def import_(
                 return INCOMPLETE if found.draft.missing else 0
             file, content = Path("mapping"), found.draft.mapping()
         run: dict[str, Any] = {"progress": report, "should_stop": should_stop}
-        done = import_logs(file, out, mapping=content, table_format=table_format, accept=yes, **run)
+        done = import_logs(
+            file, out, mapping=content, table_format=table_format, accept=yes, mend=mend, **run
+        )
     if json_file is not None:
         terminal.write_json(json_file, done.to_json())
     terminal.print_lines(summary(done, out))
@@ -131,7 +134,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     """Summary of an import, as lines of text."""
     import numpy as np
 
-    from flexviz.measurements import pieces
+    from flexviz.measurements import bridge, pieces
 
     lines = []
     for group in done.groups:
@@ -140,13 +143,15 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         rate = f"{usual:.5g} Hz"
         if abs(mean - usual) > UNEVEN * usual:
             rate += f" ({mean:.5g} Hz on average)"
-        if (count := len(pieces(time))) > 1:
+        bridged = bridge(time, np.hstack([group.table.theta, group.table.tau]))
+        if (count := len(pieces(bridged.time))) > 1:
             rate += f" in {count} stretches between gaps"
         lines.append(
             f"{group.entry.group}: {group.entry.label}, {group.kind}, {len(time)} samples, "
             f"{time[-1]:.6g} s at {rate}, payload {group.entry.payload}, {use}"
         )
         lines += [f"  {note}" for note in group.notes]
+    lines += [f"set as proposed: {text}" for text in done.mended]
     for o in done.offsets:
         size = f"{1e3 * abs(o.delay):.3f} ± {1e3 * NORMAL_95 * o.std:.2g} ms"
         lines.append(

@@ -31,7 +31,7 @@ from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
 from flexviz.results import Move, Note, Verdict
-from flexviz.wording import SearchStage
+from flexviz.wording import SearchStage, listed
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ class _Description:
         left = (
             not course.fine.complete(end.fine) if end.at_noise else course.view.significant(end.coarse).any()
         )
-        complete = not (left or end.curves or end.changing)
+        complete = not (left or end.curves or end.changing or self.drowned(final))
         last: Verdict = "nothing-missing" if complete else "unknown"
         found = findings(course, end, stairs)
         taken = steps(stairs, found, last)
@@ -154,14 +154,26 @@ class _Description:
         return Diagnosis(
             course.measurements.name, made[0].verdict, tuple(found), where, tuple(made), effect_values(shown),
             parameters, seconds=time.perf_counter() - course.began, stopped=course.stopped,
-            notes=(*self.notes_on_data(), *told, *more), model=layout.model(shown.x), maps=maps,
+            notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,
             free_curve=curve, guard=guard, torque_spread=course.measurements.torque_spread,
             trace=tuple(map(self.told, course.trace)),
             decoys=self.counted_decoys() if course.view.decoys else None,
         )  # fmt: skip
 
-    def notes_on_data(self) -> Iterator[Note]:
+    def drowned(self, shown: Stair) -> list[str]:
+        """Joints whose noise, as it is estimated, is larger than their torque: any residual looks like it."""
+        pairs = zip(shown.errors.noise_floor, self.course.measurements.torque_spread, strict=True)
+        return [
+            j for j, (noise, torque) in zip(self.course.own.joints, pairs, strict=True) if noise > torque > 0
+        ]
+
+    def notes_on_data(self, shown: Stair) -> Iterator[Note]:
         """What is said of the data whatever was found."""
+        if drowned := self.drowned(shown):
+            text = (
+                f"the estimated noise is larger than the torque of {listed(drowned)}, so nothing can be told"
+            )
+            yield Note("drowned", text)
         if self.end.changing is not None:
             yield Note("changing", self.end.changing.text)
         segments = [s for g in self.course.measurements.fit_groups for s in g.segments]

@@ -53,6 +53,12 @@ class Signals:
         """Index of each sample's group, shape (N,)."""
         return np.concatenate([np.full(b.rows.stop - b.rows.start, b.group) for b in self.blocks])
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Names of the groups of which no stretch is longer than the observer's transients."""
+        seen = {block.group for block in self.blocks}
+        return tuple(group.name for k, group in enumerate(self.groups) if k not in seen)
+
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
         bandwidth = np.atleast_1d(self.observer.bandwidth)
@@ -148,8 +154,17 @@ def build_signals(
 
 def _nothing_left(groups: Sequence[Group], observer: Observer, transients: float) -> InputError:
     """All segments are shorter than the observer's transients [s]."""
-    longest = max((s.time[-1] - s.time[0] for g in groups for s in g.segments), default=0.0)
+    lengths = [s.time[-1] - s.time[0] for g in groups for s in g.segments]
+    longest = max(lengths, default=0.0)
+    band = f"{observer.name} at {np.min(observer.bandwidth):g} rad/s"
+    needs = f"the observer {band} needs {transients:.3g} s to settle"
+    if len(lengths) > len(groups):
+        gaps = f"gaps cut {len(groups)} groups" if len(groups) > 1 else "gaps cut the group"
+        cut = f"{gaps} into {len(lengths)} stretches of at most {longest:.3g} s"
+        return InputError(
+            f"no samples are left: {cut}, {needs}; expected a recording without gaps of this length"
+        )
     return InputError(
-        f"no samples are left: the longest segment has {longest:.3g} s, the observer {observer.name} at "
-        f"{np.min(observer.bandwidth):g} rad/s needs {transients:.3g} s to settle; take a higher bandwidth"
+        f"no samples are left: the longest group has {longest:.3g} s, {needs}; record longer, or take a "
+        "higher bandwidth"
     )

@@ -31,7 +31,7 @@ from flexviz.model import FlexibleModel
 from flexviz.noise import check_signals, segments_noise
 from flexviz.observers import ButterworthZeroPhase, EsoGains
 from flexviz.progress import ProgressCallback, StopCallback
-from flexviz.wording import normalised
+from flexviz.wording import listed, normalised, plural
 
 
 def identify(
@@ -87,7 +87,20 @@ def identify(
             outcome = replace(outcome, converged=False, message=text)
         result = _result(measurements, fitted, plain, outcome, report)
     residual = _with_noise_share(result.residual, noise)
-    return replace(result, residual=residual, seconds=time.perf_counter() - began)
+    message = result.message + _left_out(result, (*fitted, *held_out))
+    return replace(result, residual=residual, message=message, seconds=time.perf_counter() - began)
+
+
+def _left_out(result: Identification, groups: Sequence[Group]) -> str:
+    """The groups that are not used; empty if all are."""
+    used = (*result.groups, *result.validation_groups)
+    names = [group.name for group in groups if group.name not in used]
+    if not names:
+        return ""
+    text = (
+        f"; {plural(len(names), 'group')} not used: {listed(names)}, gaps leave no stretch longer than the "
+    )
+    return f"{text}observer's transients"
 
 
 def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:
@@ -185,8 +198,10 @@ def _result(
     x, cov, at_bound = outcome.x, outcome.covariance, outcome.at_bound
     base = base_parameters(measurements.robot)
     jacobian = outcome.evaluation.jacobian * plain.solution.weights[:, :, None]
-    validation = measurements.validation_groups
-    summary, series = _residuals(measurements, validation, plain, outcome)
+    left_out = plain.equation.signals.left_out
+    held_out = _held_out_equation(measurements, plain)
+    validation = () if held_out is None else held_out.signals.groups
+    summary, series = _residuals(measurements, held_out, plain, outcome)
     estimates = parameter_estimates(layout, x, start, cov, at_bound, prior)
     lagging = not outcome.refined and not plain.observer.zero_phase
     if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(summary)):
@@ -206,7 +221,7 @@ def _result(
         bandwidth=plain.observer.bandwidth,
         gains=plain.observer.gains,
         refined=outcome.refined,
-        groups=tuple(g.name for g in fitted),
+        groups=tuple(g.name for g in fitted if g.name not in left_out),
         validation_groups=tuple(g.name for g in validation),
         converged=outcome.converged,
         stopped=report.stopped,
@@ -224,8 +239,22 @@ def _result(
     )
 
 
+def _held_out_equation(measurements: MeasurementSet, plain: PlainFit) -> Equation | None:
+    """On the validation groups that are long enough; None without one."""
+    if not measurements.validation_groups:
+        return None
+    try:
+        signals = build_signals(measurements, measurements.validation_groups, plain.observer)
+        if left_out := signals.left_out:
+            groups = tuple(g for g in measurements.validation_groups if g.name not in left_out)
+            signals = build_signals(measurements, groups, plain.observer)
+    except InputError:
+        return None  # gaps, or too short: nothing is left
+    return Equation(measurements.robot, signals, plain.equation.layout)
+
+
 def _residuals(
-    measurements: MeasurementSet, validation: tuple[Group, ...], plain: PlainFit, outcome: _Outcome
+    measurements: MeasurementSet, held_out: Equation | None, plain: PlainFit, outcome: _Outcome
 ) -> tuple[ResidualSummary, dict[str, ResidualSeries]]:
     """Of the fitted and the validation groups."""
     equation, evaluation, layout = plain.equation, outcome.evaluation, plain.equation.layout
@@ -233,9 +262,7 @@ def _residuals(
     floor = np.sqrt(residual_noise(equation.signals, layout, outcome.x, evaluation.link, noise))
     series = _series(equation, evaluation)
     rms_validation = None
-    if validation:
-        signals = build_signals(measurements, validation, plain.observer)
-        held_out = Equation(measurements.robot, signals, layout)
+    if held_out is not None:
         result = held_out.evaluate(outcome.x)
         series |= _series(held_out, result)
         rms_validation = _rms(result.residual)

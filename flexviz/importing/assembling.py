@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,10 @@ from flexviz.arrays import Bools, Indices
 from flexviz.errors import InputError
 from flexviz.importing.clocks import LogClock, clock_of, rows_in_order
 from flexviz.importing.formats.base import SHORTEST, Log
-from flexviz.importing.mapping import NEEDED, SIGNALS, LogEntry, Mapping
+from flexviz.importing.mapping import NEEDED, SIGNALS, LogEntry, Mapping, TorqueColumn
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTable, interpolate
+from flexviz.noise import Channel, outliers, unwrapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,9 @@ class Trace:
     clock: str  # what its clock is called (topic or time column)
     time: Array  # (N,) strictly increasing seconds after the log's first instant
     values: Array  # (N,) [rad] or [Nm] behind the gear, before a coupling and without offset
+    rows: Indices  # (N,) of the table, from 0
+    scale: float = 1.0  # one unit of the column [rad], [Nm]; negative for the opposite sign
+    incomplete: Bools | None = None  # (N,) whether the row lacks another signal of its table
 
     @property
     def step(self) -> float:
@@ -59,7 +63,7 @@ class Trace:
 Traces = dict[tuple[str, str], Trace]  # (joint, signal) -> its trace
 
 
-def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, list[str]]:
+def read_traces(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> tuple[Traces, float, list[str]]:
     """The traces of all signals, the log's first time stamp [s], and what was done to the clocks.
 
     θ of the first joint comes first: its clock is the group's, its first instant the log's time zero.
@@ -69,6 +73,7 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, 
     from_bag = log.kind not in ("CSV", "Parquet", "MATLAB", "NumPy", "JSON", "Excel")
     clocks: dict[tuple[str, str], tuple[Indices, Array]] = {}  # rows in order, and their times
     origin: LogClock | None = None
+    complete = _complete_rows(log, mapping, file)
     for joint, name, signal in sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1])):
         place = f"joints.{joint}.{name}"
         table = log.table_of(signal.column, file, place)
@@ -83,17 +88,67 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, 
             notes += done
         rows, time = clocks[key]
         raw = np.asarray(table.columns[signal.column], dtype=float)[rows]
-        known = np.isfinite(raw)
+        known, every = np.isfinite(raw), complete[table.name][rows]
+        if signal.missing is not None:
+            known &= raw != signal.missing
+        if mapping.complete_rows:
+            notes += [f'"{table.name or log.file.name}": rows that lack a signal are left out'] * (
+                not every.all()
+            )
+            known &= every
         count = int(np.count_nonzero(known))
         if count < SHORTEST:
             found = f'"{signal.column}" has {count} values in {log.file.name}'
             raise InputError(f"{found}, expected at least {SHORTEST}", file=file, place=place)
-        if not known.all():
-            raw, time = raw[known], time[known]
+        raw, time, rows = raw[known], time[known], rows[known]
+        if signal.wrap is not None:
+            raw = unwrapped(raw, signal.wrap, bounded=isinstance(signal, TorqueColumn))
+        if signal.fresh:
+            new = np.concatenate([[True], np.diff(raw) != 0.0])
+            raw, time, rows = raw[new], time[new], rows[new]
         factor = mapping.joints[joint].scale(signal)
-        traces[joint, name] = Trace(signal.column, clock.key, time, raw * factor if factor != 1.0 else raw)
+        incomplete = ~complete[table.name][rows]
+        traces[joint, name] = Trace(
+            signal.column, clock.key, time, raw * factor if factor != 1.0 else raw, rows, factor,
+            incomplete if incomplete.any() else None,
+        )  # fmt: skip
     assert origin is not None
-    return traces, float(origin.raw[0]) * origin.unit, notes
+    return without_jumps(traces, entry, notes), float(origin.raw[0]) * origin.unit, notes
+
+
+def _complete_rows(log: Log, mapping: Mapping, file: Path) -> dict[str, Bools]:
+    """Table -> (N,) which of its rows have all of θ and τ that are taken from it."""
+    complete: dict[str, Bools] = {}
+    for joint, name, signal in mapping.signals():
+        table = log.table_of(signal.column, file, f"joints.{joint}.{name}")
+        known = np.isfinite(np.asarray(table.columns[signal.column], dtype=float))
+        before = complete.get(table.name, np.ones(len(known), dtype=bool))
+        complete[table.name] = before & known if name in NEEDED else before
+    return complete
+
+
+def without_jumps(traces: Traces, entry: LogEntry, notes: list[str]) -> Traces:
+    """The traces without the rows in which a position has jumped away and comes back, where that is asked."""
+    if not entry.drop_jumps:
+        return traces
+    lost: dict[str, set[int]] = {}
+    for (joint, name), trace in traces.items():
+        if name == "theta":
+            channel = Channel(name, joint, trace.time, trace.values)
+            away, _ = outliers(channel)
+            lost.setdefault(trace.clock, set()).update(trace.rows[away].tolist())
+    kept: Traces = {}
+    for key, trace in traces.items():
+        keep = ~np.isin(trace.rows, list(lost.get(trace.clock, ())))
+        changed = {name: getattr(trace, name)[keep] for name in ("time", "values", "rows")}
+        incomplete = None if trace.incomplete is None else trace.incomplete[keep]
+        kept[key] = replace(trace, **changed, incomplete=incomplete)
+    notes += [
+        f'"{clock}": {len(rows)} rows in which a position jumps are left out'
+        for clock, rows in lost.items()
+        if rows
+    ]
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +162,24 @@ class AssembledGroup:
     zero: float  # [s] where the table's time 0 lies on the clock of the traces
     notes: tuple[str, ...]  # what was done to the data, one sentence each
 
+    @property
+    def origin(self) -> float:
+        """First instant of the log on the clock of the traces [s]."""
+        return float(next(iter(self.traces.values())).time[0])
+
+    @property
+    def since(self) -> float:
+        """[s] from the log's first sample to the table's."""
+        return self.zero - self.origin
+
+    def uses(self, time: Array) -> Bools:
+        """Which instants (N,) on the clock of the traces [s] are used."""
+        return self.entry.uses(time - self.origin)
+
 
 def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> AssembledGroup:
     """The group that `entry` asks for. Errors name the mapping `file` and the key, or the log and the row."""
-    traces, stamp, notes = read_traces(log, mapping, file)
+    traces, stamp, notes = read_traces(log, entry, mapping, file)
     notes = [*log.notes, *notes]
     base = traces[mapping.names[0], "theta"]
     time = chosen_time(base, entry, log, file)
@@ -138,10 +207,7 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
 
 def chosen_time(base: Trace, entry: LogEntry, log: Log, file: Path) -> Array:
     """(N,) the instants of θ between `from` and `to`."""
-    time = base.time
-    if entry.start > 0.0 or entry.stop is not None:
-        last = np.inf if entry.stop is None else time[0] + entry.stop
-        time = time[(time >= time[0] + entry.start) & (time <= last)]
+    time = base.time[entry.uses(base.time - base.time[0])]
     if len(time) < SHORTEST:
         span = f"from {entry.start:g} s" + ("" if entry.stop is None else f" to {entry.stop:g} s")
         found = f"{log.file.name} has {len(time)} samples {span}, expected at least {SHORTEST}"

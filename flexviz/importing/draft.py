@@ -15,6 +15,7 @@ from typing import Any
 from flexviz import toml
 from flexviz.importing.formats import LogSource
 from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
+from flexviz.importing.proposals import Proposal
 from flexviz.robot import is_library_robot
 
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
@@ -76,6 +77,9 @@ class Draft:
     joints: dict[str, DraftJoint] = field(default_factory=dict)  # name -> entry
     seen: list[str] = field(default_factory=list)  # lines about the logs
     missing: list[str] = field(default_factory=list)  # what must still be filled in, one sentence each
+    proposals: list[tuple[Proposal, str]] = field(
+        default_factory=list
+    )  # keys for the user to decide, and why
 
     def mapping(self) -> Mapping:
         """The mapping, checked; paths are as they were given. InputError where something is missing."""
@@ -112,7 +116,7 @@ class Draft:
         document = self.document(folder)
         lines = [*HEAD.format(name=file.name if file else "mapping.toml").splitlines(), ""]
         lines += toml.dumps({"format": 1, "robot": document["robot"]}).splitlines()
-        lines += ["", *(f"# {line}" for line in self.seen)]
+        lines += ["", *self.proposed(), *(f"# {line}" for line in self.seen)]
         if self.missing:
             lines += ["", *(f"# MISSING: {line}" for line in self.missing)]
         if self.time:
@@ -124,12 +128,27 @@ class Draft:
             lines[-1] += f"  # {self.time_comment}" if self.time_comment else ""
         lines += toml.dumps({"payloads": document["payloads"]}).splitlines()
         lines += [] if self.payloads else PAYLOAD_EXAMPLE
-        lines += toml.dumps({"logs": document["logs"]}).splitlines()
+        for log in document["logs"]:
+            lines += ["", *toml.dumps({"logs": [log]}).strip().splitlines()]
+            lines += self.proposed("logs", log["group"])
         if not self.validation and len(self.groups) > 1:
             lines[-1] += "  # true on one log keeps it for checking the result"
         for name, joint in self.joints.items():
             lines += ["", f"[joints.{toml.key_text(name)}]", *joint.lines()]
+            for signal in joint.signals:
+                lines += self.proposed("joints", name, signal)
         return "\n".join(lines) + "\n"
+
+    def proposed(self, *place: str) -> list[str]:
+        """The proposals for a table, as comments; a key of a signal stands in its table already changed."""
+        chosen: dict[str, tuple[Proposal, str]] = {
+            p.text: (p, why) for p, why in self.proposals if p.place == place
+        }
+        lines = [f"# {why}" for why in dict.fromkeys(why for _, why in chosen.values())]
+        if len(place) < 3:
+            return lines + [f"# {text}" for text in chosen]
+        table = self.joints[place[1]].signals[place[2]] | {p.key: p.value for p, _ in chosen.values()}
+        return [*lines, f"# {place[2]} = {toml.value_text(table)}"] if chosen else []
 
 
 def relative(path: Path, folder: Path) -> str:

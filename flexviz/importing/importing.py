@@ -13,11 +13,13 @@ import numpy as np
 from flexviz.errors import InputError
 from flexviz.files import named_errors, temporary_folder, whole_folder
 from flexviz.importing.assembling import AssembledGroup, assemble
+from flexviz.importing.checking import check_all
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
 from flexviz.importing.formats import LogSource, open_run
 from flexviz.importing.formats.base import ReadOptions, check_stop
-from flexviz.importing.mapping import Issue, Mapping, read_mapping
-from flexviz.importing.plausibility import check_groups
+from flexviz.importing.mapping import Issue, Mapping, parse, read_mapping
+from flexviz.importing.proposals import proposed
+from flexviz.importing.samples import SPOILT
 from flexviz.measurements import (
     GroupTable,
     MeasurementSet,
@@ -35,8 +37,9 @@ from flexviz.robot_files import mesh_names, resolve_mesh
 from flexviz.statistics import NORMAL_95
 
 FORMAT = 1  # of the report as JSON
+MOST_ROUNDS = 4  # of mending: one repair may show what another finding has hidden
 # with such an issue the torque's delay proves nothing
-ABOUT_UNITS = ("unit", "sign", "zero", "coupling", "jumps", "unexplained")
+ABOUT_UNITS = ("unit", "sign", "zero", "coupling", "unexplained", *SPOILT, "held")
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Imported:
     delay: DelayEstimate | None  # of the torque against the motion; None where it cannot be told
     issues: tuple[Issue, ...]
     warnings: tuple[str, ...]  # from reading the new set
+    mended: tuple[str, ...] = ()  # keys that were set as proposed
 
     @property
     def wrong(self) -> tuple[Issue, ...]:
@@ -84,6 +88,7 @@ class Imported:
             "clock_offsets": [asdict(offset) for offset in self.offsets],
             "torque_delay": delay,
             "suspicions": [asdict(issue) for issue in self.issues],
+            "mended": list(self.mended),
             "warnings": list(self.warnings),
         }
 
@@ -95,6 +100,7 @@ def import_logs(
     mapping: Mapping | None = None,
     table_format: str = "parquet",
     accept: bool = False,
+    mend: bool = False,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> Imported:
@@ -106,6 +112,7 @@ def import_logs(
         mapping: the content of `file`, where it was read already.
         table_format: "parquet" or "csv".
         accept: write the set although something looks wrong; data that cannot be a set are still refused.
+        mend: set the keys that are proposed for the samples.
         progress, should_stop: see flexviz.progress.
     """
     file = Path(file)
@@ -117,12 +124,14 @@ def import_logs(
     robot = read_robot(mapping.robot, mapping.names, folder, file)
     mapping = mapping.for_joints(robot.prismatic, file)
     payloads = {"none": (), **read_payloads(mapping, robot, file)}  # refuses wrong ones before logs are read
-    groups = read_groups(mapping, file, folder, progress, should_stop)
-    progress(Progress("comparing with the robot", 0.0))
-    found = check_groups(mapping, robot, [(payloads[g.table.payload], g.table) for g in groups])
+    mapping, groups, found, mended = read_and_check(
+        mapping, robot, payloads, file, mend, progress, should_stop
+    )
     offsets = [o for g in groups for o in clock_offsets(g.entry.group, g.traces, mapping.names)]
     found += offset_issues(offsets, mapping)
-    done = Imported(None, str(file), mapping.names, tuple(groups), tuple(offsets), None, tuple(found), ())
+    done = Imported(
+        None, str(file), mapping.names, tuple(groups), tuple(offsets), None, tuple(found), (), mended
+    )
     if done.wrong and not accept:
         return done
     place = whole_folder(target) if target else temporary_folder("import")
@@ -138,6 +147,31 @@ def import_logs(
     late = delay_issues(delay, measurements) if delay is not None else []
     warnings = (*notes, *measurements.warnings)
     return replace(done, folder=target, delay=delay, issues=(*found, *late), warnings=warnings)
+
+
+def read_and_check(
+    mapping: Mapping,
+    robot: Robot,
+    payloads: dict[str, tuple[PayloadBody, ...]],
+    file: Path,
+    mend: bool,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
+) -> tuple[Mapping, list[AssembledGroup], list[Issue], tuple[str, ...]]:
+    """The mapping, mended if asked, its groups, their issues, and the keys that were set."""
+    mended: list[str] = []
+    for _ in range(MOST_ROUNDS):
+        groups = read_groups(mapping, file, file.absolute().parent, progress, should_stop)
+        progress(Progress("comparing with the robot", 0.0))
+        found = check_all(mapping, robot, payloads, groups)
+        keys = dict.fromkeys(str(proposal) for issue in found for proposal in issue.proposals)
+        if not mend or set(keys) <= set(mended):
+            break
+        mended += [text for text in keys if text not in mended]
+        document = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
+        document = proposed(document, (proposal for issue in found for proposal in issue.proposals))
+        mapping = parse(document, file).for_joints(robot.prismatic, file)
+    return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]
 
 
 def read_groups(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from flexviz.importing.assembling import AssembledGroup, assemble
+from flexviz.importing.checking import check_all
 from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
 from flexviz.importing.column_names import FORCE, LENGTH
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
@@ -20,7 +21,6 @@ from flexviz.importing.draft import Draft, DraftJoint, Questions
 from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_run
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
 from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
-from flexviz.importing.plausibility import check_groups
 from flexviz.importing.ready_mappings import Recognised, recognised
 from flexviz.importing.torque_meaning import ask_for_meaning
 from flexviz.measurements import Array, read_robot
@@ -301,12 +301,13 @@ def correct(
             shift_clocks(draft, groups[0])
         if find_scales(draft, robot, [group.table for group in groups]):
             continue
-        remaining = check_groups(mapping, robot, [((), group.table) for group in groups], guessed=True)
+        remaining = check_all(mapping, robot, {"none": ()}, groups, guessed=True)
         certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]
         for issue in certain:
             draft.apply(issue.fixes, issue.message)
         if not certain and not ask_for_scales(draft, remaining, asked):
             break
+    draft.proposals = [(proposal, issue.message) for issue in remaining for proposal in issue.proposals]
     return remaining
 
 

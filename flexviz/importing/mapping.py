@@ -16,8 +16,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexviz import toml
+from flexviz.arrays import Bools
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, size_of
+from flexviz.importing.proposals import Proposal
 from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader, Temperatures
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
@@ -57,6 +59,9 @@ class SignalColumn(StrictTable):
     sign: Literal[1, -1] = 1
     offset: Number = 0.0  # [rad] or [Nm] at the joint, added last
     time: Text | None = None  # its own time column, where it is not the usual one
+    missing: Number | None = None  # a number of the column that stands for a missing value
+    wrap: Positive | None = None  # period by which the column overflows, in its own unit
+    fresh: bool = False  # only values that differ from the one before
 
     @model_validator(mode="before")
     @classmethod
@@ -142,6 +147,17 @@ class LogEntry(StrictTable):
     temperature: Temperatures | None = None
     start: NotNegative = Field(default=0.0, alias="from")  # [s] after the log's first sample
     stop: Positive | None = Field(default=None, alias="to")  # [s]
+    leave_out: list[Annotated[list[NotNegative], Field(min_length=2, max_length=2)]] = Field(
+        default_factory=list
+    )  # [s] stretches [begin, end], counted as `from` is
+    drop_jumps: bool = False  # leave out rows in which a position has jumped away and comes back
+
+    def uses(self, since: Array) -> Bools:
+        """Which instants (N,) [s] after the log's first sample are used."""
+        used = (since >= self.start) & (since <= (np.inf if self.stop is None else self.stop))
+        for first, last in self.leave_out:
+            used &= (since < first) | (since > last)
+        return used
 
     @property
     def files(self) -> list[str]:
@@ -162,6 +178,7 @@ class Mapping(SetHeader):
     logs: Annotated[list[LogEntry], Field(min_length=1)]
     joints: Annotated[dict[str, JointColumns], Field(min_length=1)]
     coupling: Coupling | None = None  # of signals with side = "motor"
+    complete_rows: bool = False  # leave out rows that lack a signal which is taken from their table
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -216,8 +233,10 @@ class Issue:
     """Something in the data that looks wrong or odd."""
 
     kind: Literal[
-        "unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "jumps", "unexplained"
-    ]
+        "unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "unexplained",
+        "messages", "wrapped", "dropped", "outliers", "jumps",
+        "repeated", "stale", "constant", "held", "contact", "filtered",
+    ]  # fmt: skip
     # "wrong": the data contradict the mapping, the set is not written unless the user insists;
     # "odd": it may be intended
     severity: Literal["wrong", "odd"]
@@ -225,6 +244,7 @@ class Issue:
     signal: str  # "theta", "tau", "q" or "theta_ref"
     message: str  # one sentence with numbers
     fixes: tuple[Fix, ...] = ()  # changes that would resolve it, where they are known
+    proposals: tuple[Proposal, ...] = ()  # keys that would, for the user to decide
 
     def __str__(self) -> str:
         return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
@@ -261,6 +281,9 @@ def check(mapping: Mapping, file: Path) -> None:
             refuse(f"{place}, payload", f'payload "{log.payload}" is not defined; {meant}')
         if log.stop is not None and log.stop <= log.start:
             refuse(f"{place}, to", f"found {log.stop:g}, expected more than from = {log.start:g}")
+        for first, last in log.leave_out:
+            if last <= first:
+                refuse(f"{place}, leave_out", f"found [{first:g}, {last:g}], expected [begin, end] in s")
         mapping.check_temperature(log.temperature, len(mapping.joints), file, place)
     if mapping.coupling is not None:
         check_coupling(mapping, mapping.coupling, refuse)

@@ -7,16 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from flexviz.importing.closer_look import look_closer
 from flexviz.importing.cross_checks import check_optional_columns
-from flexviz.importing.mapping import NEEDED, Issue, Mapping, parse
+from flexviz.importing.mapping import Issue, Mapping, parse
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_checks import check_torques
 from flexviz.importing.torque_model import LoadedTable, TorqueModel
-from flexviz.measurements import GroupTable, MeasurementSet, Segment, pieces
-from flexviz.noise import Fault, column_faults
+from flexviz.measurements import GroupTable, MeasurementSet
 from flexviz.robot import Robot
 
 log = logging.getLogger(__name__)
@@ -38,12 +35,6 @@ def check_groups(
         found = look_closer(mapping, model)
     known = {(joint, signal) for s in found for joint in s.joints for signal in s.signal.split(" and ")}
     found += [s for s in check_range(mapping, model) if (s.joints[0], "theta") not in known]
-    # in a wrong unit, smooth motion may look like jumps
-    unit = {(joint, s.signal) for s in found if s.kind == "unit" for joint in s.joints}
-    jumps = [s for s in check_columns(robot, groups) if (s.joints[0], s.signal) not in unit]
-    if any(s.signal == "theta" for s in jumps):
-        return jumps  # positions that jump tell nothing about units and signs
-    found += jumps
     # a wrong θ makes its torque and the columns compared with it inconclusive
     wrong_theta = {s.joints[0] for s in found if s.signal == "theta"}
     found = [s for s in found if s.kind != "unexplained" or not wrong_theta & set(s.joints)]
@@ -52,27 +43,6 @@ def check_groups(
         signals = ("theta", "tau") if issue.kind == "swapped" else ("theta",)
         if not any((issue.joints[0], signal) in known for signal in signals):
             found.append(issue)
-    return found
-
-
-def check_columns(robot: Robot, groups: Sequence[LoadedTable]) -> list[Issue]:
-    """Positions that jump and values that were dropped, of each column where most samples are concerned."""
-    worst: dict[tuple[str, str], tuple[str, Fault]] = {}
-    for _, table in groups:
-        step = float(np.median(np.diff(table.time)))
-        segments = [
-            Segment(table.time[part], table.theta[part], table.tau[part], step) for part in pieces(table.time)
-        ]
-        for fault in column_faults(segments, robot):
-            key = fault.signal, fault.joint
-            if key not in worst or worst[key][1].count < fault.count:
-                worst[key] = table.name, fault
-    found = []
-    for key in ((signal, joint) for signal in NEEDED for joint in robot.joints):
-        if key in worst:
-            group, fault = worst[key]
-            message = f"in {group}, {fault.found}: {fault.cause}?"
-            found.append(Issue("jumps", "wrong", (fault.joint,), fault.signal, message))
     return found
 
 

@@ -1,5 +1,6 @@
 """Measurement sets: read, check and write what was recorded on a robot's motor side."""
 
+from flexviz.measurements.bridging import GAP, bridge
 from flexviz.measurements.data import (
     OPTIONAL_SIGNALS,
     Array,
@@ -14,7 +15,7 @@ from flexviz.measurements.data import (
 from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader, Temperatures
-from flexviz.measurements.segments import GAP, POINTS, interpolate, pieces
+from flexviz.measurements.segments import POINTS, interpolate, pieces
 from flexviz.measurements.tables import readable, row_name
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
@@ -36,6 +37,7 @@ __all__ = [
     "SetHeader",
     "SetOverview",
     "Temperatures",
+    "bridge",
     "check_free",
     "fingerprint",
     "interpolate",

@@ -11,12 +11,14 @@ import numpy as np
 
 from flexviz import toml
 from flexviz.errors import FlexvizError, InputError, choose_from
+from flexviz.measurements.bridging import Bridged
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet, present_fingerprint
 from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, parse
 from flexviz.measurements.segments import SHORTEST, Segmented, check_time, make_segments
 from flexviz.measurements.tables import column_names, read_columns, require
 from flexviz.measurements.unit_checks import UnitCheck, check_optional
 from flexviz.robot import PayloadBody, Robot, is_library_robot
+from flexviz.wording import plural
 
 TRUTH = "truth.json"  # present in simulated sets; never opened here
 LARGEST_BODY = 10.0  # [m] payloads beyond this size or distance can only be in a wrong unit
@@ -59,6 +61,7 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
         read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks)
         for entry, table in zip(content.groups, paths, strict=True)
     )
+    groups = without_scraps(groups, warn)
     if changed := present_fingerprint(folder, robot, paths).changes_since(files):
         raise InputError(f"{', '.join(changed)} changed while the set was read", file=file)
     check_signals(groups, file)
@@ -208,10 +211,7 @@ def read_group(
             compared[kind] = np.full((n, len(column)), np.nan).T
         compared[kind][:, j] = column
     clocks[file] = found = make_segments(time, signals, n)
-    if not found.segments:
-        message = f"no stretch without a gap has {SHORTEST} samples or more, expected at least one"
-        raise InputError(message, file=file)
-    if found.dropped:
+    if found.dropped and found.segments:
         warn_here(f"{found.dropped} samples in stretches of fewer than {SHORTEST} between gaps are not used")
     if found.filled or found.jitters:
         time = time.copy()  # so that the table can be forgotten
@@ -220,6 +220,17 @@ def read_group(
     return Group(
         *names, bodies, entry.validation, file, found.segments, time, **compared, temperature=degrees
     )
+
+
+def without_scraps(groups: tuple[Group, ...], warn: Callable[[str], None]) -> tuple[Group, ...]:
+    """The groups without those that gaps leave nothing of; InputError if nothing is left to fit."""
+    nothing = [group for group in groups if not group.segments]
+    message = f"no stretch without a gap has {SHORTEST} samples or more"
+    if nothing and all(group.validation or not group.segments for group in groups):
+        raise InputError(f"{message}, expected at least one", file=nothing[0].file)
+    for group in nothing:
+        warn(f'{group.file}: {message}: group "{group.name}" is left out')
+    return tuple(group for group in groups if group.segments)
 
 
 def check_signals(groups: Sequence[Group], file: Path) -> None:
@@ -243,7 +254,21 @@ def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:
         count = sum(filled.values())
         what = "1 single missing sample was" if count == 1 else f"{count} single missing samples were"
         warnings.append(f"{listed(list(filled))}: {what} interpolated")
+    for file, found in clocks.items():
+        if (gaps := found.gaps) is not None and gaps.count:
+            warnings.append(f"{file}: {gap_text(gaps)}")
     return warnings
+
+
+def gap_text(gaps: Bridged) -> str:
+    """What was done to the gaps of a table."""
+    were = "was" if gaps.count == 1 else "were"
+    text = (
+        f"{plural(gaps.count, 'gap')} of up to {1e3 * gaps.longest:.3g} ms, short against the content of the "
+    )
+    text += f"signals, {were} interpolated"
+    left = f"; longer gaps, {gaps.left} of up to {1e3 * gaps.longest_left:.3g} ms, split it"
+    return text + (left if gaps.left else "")
 
 
 def listed(files: Sequence[Path]) -> str:

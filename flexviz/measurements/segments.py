@@ -1,7 +1,8 @@
 """From recorded instants to uniformly sampled segments: time checks, gaps, jitter.
 
-A *gap* is an interval longer than 2.75 times the median one; it ends a segment. Within a segment the instants
-are compared with the best uniform clock t₀ + i·h:
+A *gap* is an interval longer than 2.75 times the median one. It ends a segment, unless it is short against
+the content of the signals and is bridged (`flexviz.measurements.bridging`). Within a segment the instants are
+compared with the best uniform clock t₀ + i·h:
 
 - within 0.1 % of h, or within the rounding of the recorded numbers (floating point, or a fixed number of
   decimals): the clock was uniform, the values stay and only `time` is made exact;
@@ -20,10 +21,10 @@ import numpy as np
 
 from flexviz.arrays import Indices
 from flexviz.errors import InputError
+from flexviz.measurements.bridging import GAP, Bridged, bridge
 from flexviz.measurements.data import Array, Segment
 from flexviz.measurements.tables import row_name
 
-GAP = 2.75  # intervals longer than this many median ones separate segments
 JITTER = 1e-3  # deviations from a uniform clock up to this part of a step are no jitter
 ROUNDED = 0.05  # steps by which the instants of a clock with missing samples may be rounded
 MISSING = 1.75  # steps: longer intervals within a segment lack a sample
@@ -131,6 +132,7 @@ class Segmented:
     dropped: int = 0  # samples in stretches that are too short
     filled: int = 0  # single missing samples that were interpolated
     jitters: bool = False  # whether the instants deviate from a uniform clock apart from missing samples
+    gaps: Bridged | None = None  # what was done to gaps
 
 
 def make_segments(time: Array, signals: Array, n: int) -> Segmented:
@@ -140,6 +142,8 @@ def make_segments(time: Array, signals: Array, n: int) -> Segmented:
     """
     segments: list[Segment] = []
     dropped, filled, jitters = 0, 0, False
+    gaps = bridge(time, signals)
+    time, signals = gaps.time, gaps.signals
     for piece in pieces(time):
         if piece.stop - piece.start < SHORTEST:
             dropped += piece.stop - piece.start
@@ -154,7 +158,7 @@ def make_segments(time: Array, signals: Array, n: int) -> Segmented:
         exact = not clock.jitters and deviation(recorded, clock.start, clock.step) < 1e-9 * clock.step
         instants = recorded if exact else clock.instants(0, clock.count)
         segments.append(Segment(instants, values[:, :n], values[:, n:], clock.step))
-    return Segmented(tuple(segments), dropped, filled, jitters)
+    return Segmented(tuple(segments), dropped, filled, jitters, gaps)
 
 
 def resample(time: Array, values: Array, clock: UniformClock) -> Array:

@@ -18,6 +18,7 @@ from typing import NoReturn
 import numpy as np
 
 from flexviz.errors import InputError
+from flexviz.measurements.bridging import bridge
 from flexviz.measurements.data import Array
 from flexviz.robot import PayloadBody, Robot
 
@@ -244,6 +245,8 @@ def check_optional(name: str, values: Array, reference: Array, file: Path, warn:
 
 def sample_motion(time: Array, theta: Array, tau: Array) -> SampledMotion:
     """The motion at up to `INSTANTS` instants: local parabolas through θ (N, n), local means of τ (N, n)."""
+    bridged = bridge(time, np.hstack([theta, tau]))
+    time, theta, tau = bridged.time, *np.hsplit(bridged.signals, 2)
     count = len(time)
     step = float(np.median(np.diff(time)))
     half = int(np.clip(round(WINDOW / step), 3, max(3, count // 20)))

@@ -2,17 +2,29 @@
 
 from flexviz.noise.check import check_signals, noise_notes
 from flexviz.noise.estimates import resolution, segments_noise, white_noise
-from flexviz.noise.faults import Fault, column_faults
 from flexviz.noise.filtered import FilteredLog, filtered_before_writing
+from flexviz.noise.findings import Channel, Remedy, SampleFinding
+from flexviz.noise.jumps import check_jumps, column_findings, outliers, unwrapped
+from flexviz.noise.outside import GroupSamples, check_outside
+from flexviz.noise.repeats import check_repeats, new_rows
 
 __all__ = [
-    "Fault",
+    "Channel",
     "FilteredLog",
+    "GroupSamples",
+    "Remedy",
+    "SampleFinding",
+    "check_jumps",
+    "check_outside",
+    "check_repeats",
     "check_signals",
-    "column_faults",
+    "column_findings",
     "filtered_before_writing",
+    "new_rows",
     "noise_notes",
+    "outliers",
     "resolution",
     "segments_noise",
+    "unwrapped",
     "white_noise",
 ]

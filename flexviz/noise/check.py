@@ -57,7 +57,7 @@ def _refuse_faults(group: Group, noise: GroupNoise) -> None:
         return
     first, *others = noise.faults
     also = f"; also in {', '.join(fault.column for fault in others)}" if others else ""
-    row = row_name(group.file, int(np.argmin(np.abs(group.time - first.time))))
+    row = row_name(group.file, int(np.argmin(np.abs(group.time - first.seconds[0][0]))))
     raise InputError(
         f"{first.found}{also}: {first.cause}? expected {first.expected}",
         file=group.file,

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.measurements import Segment
+from flexviz.noise.repeats import repeats_of
 from flexviz.noise.thresholds import THRESHOLDS
 
 # Σ C(4, k)² = 70 is the variance of fourth differences of white noise of unit variance
@@ -24,24 +25,30 @@ def white_noise(y: Array) -> Array:
     Of a signal that repeats each value, as one recorded more slowly, only the new values count; held for k
     samples, their noise is as strong at low frequencies as white noise √k times as large.
     """
-    y, held = new_values(y)
-    difference = np.abs(np.diff(y, 4, axis=0))
+    return np.array([_white_noise(column) for column in y.T])
+
+
+def _white_noise(column: Array) -> float:
+    y, held = new_values(column)
+    difference = np.abs(np.diff(y, 4))
     if not len(difference):
-        return np.zeros(y.shape[1])
-    robust = np.median(difference, axis=0) / 0.6745
-    rounding = THRESHOLDS.rounding * np.maximum(y.max(axis=0), -y.min(axis=0))
-    for j in np.flatnonzero(robust <= rounding):
-        robust[j] = _spread(difference[:, j], rounding[j])
+        return 0.0
+    robust = float(np.median(difference)) / 0.6745
+    rounding = THRESHOLDS.rounding * float(np.max(np.abs(y)))
+    if robust <= rounding:
+        robust = _spread(difference, rounding)
     return np.sqrt(held) * robust / DIFFERENCE_GAIN
 
 
 def sudden_noise(y: Array) -> Array:
     """White noise as strong as all that changes from sample to sample, spikes and steps too, shape (m,)."""
-    y, held = new_values(y)
-    difference = np.diff(y, 4, axis=0)
-    if not len(difference):
-        return np.zeros(y.shape[1])
-    return np.sqrt(held * np.mean(difference**2, axis=0)) / DIFFERENCE_GAIN
+
+    def of(column: Array) -> float:
+        fresh, held = new_values(column)
+        difference = np.diff(fresh, 4)
+        return float(np.sqrt(held * np.mean(difference**2))) / DIFFERENCE_GAIN if len(difference) else 0.0
+
+    return np.array([of(column) for column in y.T])
 
 
 def _spread(difference: Array, rounding: float) -> float:
@@ -53,21 +60,10 @@ def _spread(difference: Array, rounding: float) -> float:
     return float(np.sqrt(np.mean(difference[usual] ** 2)))
 
 
-def new_values(y: Array) -> tuple[Array, float]:
-    """The rows of y (shape (N, m)) without repetitions, and how many samples each value lasts.
-
-    Only where values last equally long; the repeated counts of an encoder at slow speed do not.
-    """
-    steps = np.abs(np.diff(y, axis=0))
-    rows = np.flatnonzero(steps.any(axis=1))
-    if len(rows) < 2 or len(y) < THRESHOLDS.held * len(rows):
-        return y, 1.0
-    held = float(rows[-1] - rows[0]) / (len(rows) - 1)
-    regular = np.mean(np.abs(np.diff(rows) - held) < 1.0)
-    sizes = steps[steps > 0]
-    if regular < THRESHOLDS.held_regularly or np.median(sizes) < THRESHOLDS.held_steps * np.min(sizes):
-        return y, 1.0
-    return y[np.concatenate(([0], rows + 1))], held
+def new_values(column: Array) -> tuple[Array, float]:
+    """A column (N,) without repetitions, and how many samples each value lasts."""
+    found = repeats_of(column)
+    return (column[found.rows], found.lasts) if found.lasts > 1.0 else (column, 1.0)
 
 
 def resolution(segments: Sequence[Segment]) -> tuple[Array, Array]:

@@ -16,7 +16,8 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.measurements import Segment
-from flexviz.noise.estimates import new_values, resolution
+from flexviz.noise.estimates import resolution
+from flexviz.noise.repeats import repeats_of
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.wording import number
 
@@ -37,10 +38,12 @@ class FilteredLog:
     Attributes:
         theta, tau: shape (n,), frequency up to which each joint's signal still has content [Hz]; NaN where
             it was not filtered.
+        certain: whether the torques fall too steeply for what friction and vibrations leave unfiltered.
     """
 
     theta: Array
     tau: Array
+    certain: bool = False
 
     @property
     def hertz(self) -> float | None:
@@ -72,7 +75,9 @@ def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     log_falls = bool(np.isfinite(falls).any()) and float(np.nanmedian(falls)) > THRESHOLDS.first_order
     torques = (tau.high < finest[1]) | (log_falls & (falls > THRESHOLDS.falling))
     positions = (theta.high < finest[0]) | (torques & (theta.falls > THRESHOLDS.falling))
+    steep = (tau.high < finest[1]) | (falls > THRESHOLDS.steep)
     return FilteredLog(
+        certain=2 * np.count_nonzero(steep) > len(steep),
         theta=_content(segments, "theta", positions, THRESHOLDS.position_content * finest[0]),
         tau=_content(segments, "tau", torques, THRESHOLDS.torque_content * finest[1]),
     )
@@ -88,6 +93,14 @@ def _content(segments: Sequence[Segment], name: str, filtered: Bools, least: Arr
             above = np.flatnonzero(spectrum.level[:, j] > level)
             found[j] = spectrum.rate * spectrum.frequency[above[-1] if len(above) else 1]
     return found
+
+
+def _new_values(y: Array) -> tuple[Array, float]:
+    """The rows of y (shape (N, m)) in which any column is new, and how many samples they last."""
+    if min(repeats_of(column).lasts for column in y.T) <= 1.0:
+        return y, 1.0
+    rows = np.flatnonzero(np.diff(y, axis=0).any(axis=1))
+    return y[np.concatenate(([0], rows + 1))], float(rows[-1] - rows[0]) / (len(rows) - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +120,7 @@ class _Spectrum:
     @staticmethod
     def of(segments: Sequence[Segment], name: str, seconds: float) -> _Spectrum:
         """From windows of about `seconds`; segments with another rate than most samples do not count."""
-        signals = [(new_values(getattr(s, name)), s.step) for s in segments]
+        signals = [(_new_values(getattr(s, name)), s.step) for s in segments]
         parts = [(y, 1 / (held * step)) for (y, held), step in signals]
         rate = max(parts, key=lambda part: len(part[0]))[1]
         usual = [y for y, own in parts if abs(own / rate - 1) < SAME_RATE]

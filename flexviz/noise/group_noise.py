@@ -10,7 +10,8 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.measurements import Group
 from flexviz.noise.estimates import sudden_noise, white_noise
-from flexviz.noise.faults import Fault, column_faults
+from flexviz.noise.findings import SampleFinding
+from flexviz.noise.jumps import column_findings
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import Robot
 
@@ -30,7 +31,7 @@ class GroupNoise:
             and steps too.
     """
 
-    faults: tuple[Fault, ...]
+    faults: tuple[SampleFinding, ...]
     torque: Array
     acceleration: Array
     torque_noise: Array
@@ -75,5 +76,5 @@ def _group_noise(group: Group, robot: Robot) -> GroupNoise:
         variances += blocks / samples * found**2
         count += blocks
     deviations = np.sqrt(variances / max(count, 1))
-    faults = column_faults(group.segments, robot)
+    faults = column_findings(group.segments, robot)
     return GroupNoise(faults, np.concatenate(torque), np.concatenate(acceleration), *deviations)

@@ -28,6 +28,7 @@ NoteKind = Literal[
     "pulses",
     "unexplained",
     "changing",
+    "drowned",
     "place",
     "unbiased",
     "free-curve",
@@ -47,6 +48,7 @@ class Note:
 
     Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
     reversals), "unexplained" (remaining error), "changing" (the size of an effect changes with time),
+    "drowned" (noise larger than the torque),
     "place" (where an unknown law acts), "unbiased" (parameters that it does not bias), "free-curve" (error
     that a free curve would absorb), "stopgap" (free curves in the model), "bandwidth" (values that change
     with the observer bandwidth), "standstill" (joints whose rest is judged apart), "explained" (share of

@@ -49,9 +49,9 @@ def verdict_text(
         pulses = any(note.kind == "pulses" for note in diagnosis.typed_notes)
         left = "noise, but for reversals and backlash crossings," if pulses else "noise,"
         return f"{beginning} the residual looks like {left} and no effect of the library explains any of it."
-    changing = next((note.text for note in diagnosis.typed_notes if note.kind == "changing"), "")
-    if changing:
-        return f"{beginning} {changing}."
+    for kind in ("drowned", "changing"):
+        if text := next((note.text for note in diagnosis.typed_notes if note.kind == kind), ""):
+            return f"{beginning} {text}."
     acting = next((f"; {note.text}" for note in diagnosis.typed_notes if note.kind == "place"), "")
     unknown = f"{beginning} no effect of the library explains the structured residual"
     places = [p for p in diagnosis.where if not acting or p.joint == diagnosis.where[0].joint]
