@@ -1,4 +1,4 @@
-"""What is wrong with the samples of logs is named with cause, rows and a remedy that works; else nothing is said."""
+"""What is wrong with samples is named with cause, rows and a remedy that works; else nothing is said."""
 
 from __future__ import annotations
 
