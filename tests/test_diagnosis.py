@@ -101,16 +101,16 @@ def test_the_best_model_so_far_is_told_early_and_kept_by_a_stop(diagnosed_demo: 
     own, fitted = said()
     friction = "Coulomb friction on joint2 (being checked):"
     found = re.fullmatch(
-        f"so far: {re.escape(friction)} validation error ([\\d.]+) % → ([\\d.]+) % of the torque", fitted
+        f"so far: {re.escape(friction)} validation error ([\\d.]+) × → ([\\d.]+) × noise floor", fitted
     )
     assert found and own.startswith(
-        f"so far: validation error of the present model {found[1]} % of the torque; most: joint2 "
+        f"so far: validation error of the present model {found[1]} × noise floor ("
     )
     # the error is the one that the finished diagnosis states
-    for percent, step in zip(found.groups(), diagnosed_demo.steps, strict=True):
+    for times, step in zip(found.groups(), diagnosed_demo.steps, strict=True):
         assert step.rms_validation is not None
-        share = np.mean(np.divide(step.rms_validation, diagnosed_demo.torque_spread))
-        assert float(percent) == pytest.approx(100 * share, rel=0.1)
+        mean = np.mean(np.divide(step.rms_validation, step.noise_floor))
+        assert float(times) == pytest.approx(mean, rel=0.1)
     # what the search had found by then is kept
     assert result.stopped and [f.text for f in result.findings] == ["coulomb_friction:joint2"]
     shares = [one.share for one in news if one.share is not None]

@@ -108,12 +108,12 @@ def test_the_score_is_the_residual_against_the_smallest_one() -> None:
     assert "> 1000 × least" in score(5e3, 0.2, 0.1, 1e9) and score(0.2, math.nan, 0.1, 5.0) == ""
     # however close to its noise floor, a residual of noise is not praised
     loud = score(382.0, 0.2, 440.0, 12.0)
-    assert "noise exceeds torque" in loud and "fv-bad" in loud and "least" not in loud
+    assert "noise &gt; torque" in loud and "fv-bad" in loud and "least" not in loud
     assert 'title="noise 440 Nm, torque 12.0 Nm"' in loud
     assert pair(5.32, 0.0689) == "5.32 / 0.0689 Nm" and pair(0.0122, 0.0119) == "12.2 / 11.9 mNm"
     time = np.linspace(0.0, 1.0, 50)
     found = ObservedResidual(time, np.ones((50, 2)), np.array([1.0, 1.0]), np.array([0.1, 9.0]))
     html = residuals_html(found, ("a", "b"), 0, (), (0.5, 0.5), (5.0, 5.0))
     first, second = html.split("<svg")[:2]
-    assert "2.00 × least" in first and "noise exceeds torque" in second
+    assert "2.00 × least" in first and "noise &gt; torque" in second
     assert EsoGains.of(multiplied(np.ones(6), W)).bandwidth == pytest.approx(W)

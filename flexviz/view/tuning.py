@@ -75,7 +75,7 @@ def score(rms: float, least: float, floor: float, torque: float) -> str:
     """The rms residual against the smallest possible one (HTML); red where the noise exceeds the torque."""
     if floor > torque:
         tip = f"noise {quantity(floor, 'Nm')}, torque {quantity(torque, 'Nm')}"
-        return f'<b class="fv-bad" title="{tip}">noise exceeds torque</b>'
+        return f'<b class="fv-bad" title="{tip}">noise &gt; torque</b>'
     if not (math.isfinite(least) and least > 0):
         return ""
     times = rms / least

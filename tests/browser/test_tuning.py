@@ -28,7 +28,7 @@ from tests.browser.page import (
 pytestmark = pytest.mark.browser
 
 
-CARD = re.compile(r"(\w+)\s+(?:([\d.]+) × least|(noise exceeds torque))\s+([\d.]+) / ([\d.]+) ([mkM]?)Nm")
+CARD = re.compile(r"(\w+)\s+(?:([\d.]+) × least|(noise > torque))\s+([\d.]+) / ([\d.]+) ([mkM]?)Nm")
 
 
 def cards(page: Any) -> dict[str, tuple[float, float, float]]:
