@@ -94,7 +94,8 @@ def shown(page: Any) -> str:
 
 def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, height: int = 800) -> Any:
     """A page whose plots are there; what goes wrong on it is added to `errors`."""
-    page = chromium.new_page(viewport={"width": width, "height": height})
+    # reduced motion: a number that counts down is no result yet
+    page = chromium.new_page(viewport={"width": width, "height": height}, reduced_motion="reduce")
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.set_default_timeout(PATIENCE)
     page.add_init_script(PLAIN_SCENE)
