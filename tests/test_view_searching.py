@@ -12,7 +12,7 @@ from flexviz.diagnosis import BestModel
 from flexviz.view import alone_html, search_charts, worst_joint
 
 JOINTS = ("arm_joint1", "arm_joint2", "arm_joint3")
-TIME = np.linspace(0.0, 2.0, 50)
+TIME = np.linspace(0.0, 2.0, 50, dtype=np.float32)
 ALONE = {
     "coulomb_friction:arm_joint1": 0.621,
     "coulomb_friction:arm_joint2": 0.04,
@@ -24,7 +24,7 @@ ALONE = {
 
 
 def best(effects: tuple[str, ...], scale: float) -> BestModel:
-    residual = scale * np.stack((0.1 * TIME, -TIME, 0.5 * TIME), axis=1)
+    residual = np.float32(scale) * np.stack((0.1 * TIME, -TIME, 0.5 * TIME), axis=1)
     parameters: Any = None
     return BestModel("", "", effects, parameters, {"g1": (TIME, residual)})
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexviz.arrays import Array
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import Known, PredictionErrorBand
@@ -16,6 +16,8 @@ from flexviz.model import FlexibleModel
 from flexviz.progress import BestSoFar
 from flexviz.wording import MOST_NAMED, JointErrors, listed, stated_errors, text_names
 
+Floats = NDArray[np.float32]
+
 
 @dataclass(frozen=True, eq=False)
 class BestModel(BestSoFar):
@@ -23,7 +25,7 @@ class BestModel(BestSoFar):
 
     effects: tuple[str, ...]  # as texts
     parameters: FlexibleModel
-    residuals: Mapping[str, tuple[Array, Array]]  # group → time (M,) [s], residual (M, n) [Nm]
+    residuals: Mapping[str, tuple[Floats, Floats]]  # group → time (M,) [s], residual (M, n) [Nm]
 
 
 class Standing:

@@ -115,7 +115,7 @@ def residual_so_far(
     """The residual of a joint [Nm] in a group: that of the first model, and in front the best one's."""
     time, begun = first.residuals[group]
     values = [begun[:, joint], best.residuals[group][1][:, joint]]
-    x, (grey, present) = thin(time, [np.asarray(one, float) for one in values])
+    x, (grey, present) = thin(np.asarray(time, float), [np.asarray(one, float) for one in values])
     changed = bool(best.effects)
     lines = [ChartSeries(FIRST, COLOURS.reference if changed else COLOURS.residual, x, grey, 1.2)]
     lines += [ChartSeries(NOW, COLOURS.residual, x, present, 1.4)] if changed else []
