@@ -14,6 +14,7 @@ from flexviz.app import uploads
 from flexviz.app.uploads import UploadFolder, new_folder, safe_name, take, unpack
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
+from flexviz.robot_files import resolve_mesh
 from flexviz.session import Session, save_session
 from tests.small_set import write_small_set
 from tests.test_bad_robots import chain
@@ -195,3 +196,20 @@ def test_an_incoming_has_limits(monkeypatch: pytest.MonkeyPatch, incoming: Uploa
     with pytest.raises(InputError, match="more than 1 files"):
         incoming.put("b.csv", b"")
     assert incoming.urdf() is None
+
+
+def test_meshes_go_where_the_urdf_looks_for_them(incoming: UploadFolder) -> None:
+    incoming.put("arm.stl", b"solid")
+    names = ("package://arm_description/meshes/arm.stl", "visual/hand.stl", "../../out.stl")
+    meshes = "".join(f"<mesh filename='{name}' />" for name in names)
+    urdf = incoming.put("arm.urdf", f"<robot>{meshes}</robot>".encode())
+    for name in ("hand.stl", "out.stl"):
+        incoming.put(name, b"solid")
+    assert resolve_mesh(names[0], urdf) == urdf.parent / "arm_description/meshes/arm.stl"
+    assert resolve_mesh(names[1], urdf) == urdf.parent / "visual/hand.stl"
+    assert sorted(p.name for p in incoming.folder.iterdir()) == [
+        "arm.urdf",
+        "arm_description",
+        "out.stl",
+        "visual",
+    ]

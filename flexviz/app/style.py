@@ -97,6 +97,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .uplot .u-series:has(.u-label:empty) { display: none; }
 .fv-chosen td { font-weight: 700; border-bottom: 2px solid #0072B2; }
 .fv-doubt { color: #D55E00; } [data-mantine-color-scheme="dark"] .fv-doubt { color: #FF8A4C; }
+.fv-runs th { text-align: left; }
 .fv-own { table-layout: fixed; } .fv-own td { vertical-align: top; overflow-wrap: anywhere; }
 .fv-own col:nth-child(1) { width: 14px; } .fv-own col:nth-child(2) { width: 90px; }
 .fv-own tr[data-own] { cursor: pointer; } .fv-own tr[data-own]:hover { background: rgba(86, 180, 233, 0.25); }

@@ -14,6 +14,7 @@ from flexviz.errors import InputError
 from flexviz.files import copy_tree, named_errors, temporary_folder, whole_folder, write_whole
 from flexviz.robot import Robot
 from flexviz.session import SESSION_FILE, open_session
+from flexviz.urdf_checks import LARGEST_URDF
 from flexviz.wording import plural
 
 LARGEST_UPLOAD = 512 * 2**20  # bytes of one file from a browser
@@ -39,6 +40,7 @@ LOGS = (
     ".db3",
 )
 NO_LOGS = (".urdf", ".stl", ".dae", ".obj", ".mtl", ".ply", ".glb", ".gltf", ".png", ".jpg")
+_MESH = re.compile(r"""<mesh\b[^>]*?\bfilename\s*=\s*["']([^"']+)["']""")
 _NAME = re.compile(r"[^\w.+ -]", re.UNICODE)
 MAIN = "measurements.toml"
 
@@ -239,12 +241,22 @@ class UploadFolder:
     def _files(self) -> list[Path]:
         return [file for file in self.folder.rglob("*") if file.is_file()]
 
+    def _meshes(self) -> list[str]:
+        """The meshes that URDFs name, as paths in the folder; the worker reads URDFs properly."""
+        names: list[str] = []
+        for urdf in self.folder.glob("*.urdf"):
+            if urdf.stat().st_size <= LARGEST_URDF:
+                text = urdf.read_text(encoding="utf-8", errors="replace")
+                names += [name for name in _MESH.findall(text) if len(name) <= LONGEST_NAME]
+        return list(dict.fromkeys(name.removeprefix("package://") for name in names))
+
     def _place(self, name: str) -> Path:
-        """The path of a file: browsers send no folders, but measurements.toml may name them."""
+        """The path of a file: browsers send no folders, but measurements.toml and URDFs may name them."""
         try:
-            wanted = [entry for entry in self.named() if Path(entry).name == Path(name).name]
+            named = self.named() or self._meshes()
         except InputError:
-            wanted = []
+            named = []
+        wanted = [entry for entry in named if Path(entry).name == Path(name).name]
         path = self.folder / (wanted[0] if len(wanted) == 1 else name)
         inside = path.resolve().is_relative_to(self.folder.resolve())
         return path if inside else self.folder / Path(name).name

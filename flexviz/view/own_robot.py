@@ -159,7 +159,7 @@ def own_runs_html(draft: Draft) -> str:
         f"<td>{escape(draft.loads.get(group, 'none'))}</td></tr>"
         for source, group in zip(draft.sources, draft.groups, strict=True)
     )
-    return f'<div class="fv"><table class="fv-table fv-left">{head}{rows}</table></div>'
+    return f'<div class="fv"><table class="fv-table fv-left fv-runs">{head}{rows}</table></div>'
 
 
 def own_state_html(missing: Sequence[str], issues: Sequence[Issue], checked: bool) -> str:
