@@ -46,6 +46,11 @@ class Read:
         blob = self.component(entity, "EncodedImage:blob")
         return Image.open(io.BytesIO(bytes(np.asarray(blob, dtype=np.uint8).ravel())))
 
+    def colours(self, entity: str) -> tuple[np.ndarray, np.ndarray]:
+        """The colours of a drawn chart (C, 3) and how many pixels have each (C,)."""
+        pixels = np.asarray(self.picture(entity).convert("RGB")).reshape(-1, 3)
+        return np.unique(pixels, axis=0, return_counts=True)
+
     def text(self, entity: str) -> str:
         """A text as it stands in the end."""
         return str(self.component(entity, "TextDocument:text")[-1])

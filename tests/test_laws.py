@@ -57,6 +57,9 @@ def test_the_data_lie_on_the_right_law_only(effect: str, tmp_path: Path) -> None
     law = last_law(measurements, right, refine=True)
     assert law.effect == effect and law.variable.startswith(variable_of(EFFECTS[effect]).label)
     assert len(law.at) > 4 and np.all(np.diff(law.at) > 0) and np.all(law.data_std >= law.noise)
+    at, line, _ = law.line
+    rises = np.abs(np.diff(line)).sum()  # a line is drawn, not a scatter: at most two waves
+    assert np.all(np.diff(at) > 0) and rises <= 4 * np.ptp(line) + 0.01 * np.abs(line).max()
     if effect in UNRESOLVED:  # what the sensors' noise does not explain is in the error of the data
         squares = (law.data - law.law) ** 2 / (law.data_std**2 + law.law_std**2)
         assert np.median(squares) < 0.5 * RIGHT

@@ -111,16 +111,11 @@ def test_maps_are_drawn(small: Any, tmp_path: Path) -> None:
         recording.mapped(DIAGNOSIS.maps)
     content = Read(tmp_path / "live.rrd")
     one = DIAGNOSIS.maps[0]
-    drawn = content.picture("/results/1/map").convert("RGB")
-    assert cividis(max(one.explained, 0.0)) in {colour for _, colour in drawn.getcolors(1 << 20)}
-    drawn = content.picture(f"/results/1/curves/{one.joint}").convert("RGB")
-    shown = sum(count for count, colour in drawn.getcolors(1 << 20) if near(colour, rgb(COLOURS.residual)))
-    assert shown > 300  # the mean residual
-
-
-def near(colour: tuple[int, ...], other: tuple[int, ...]) -> bool:
-    """Whether two colours are alike."""
-    return max(abs(a - b) for a, b in zip(colour, other, strict=True)) < 30
+    colours, _ = content.colours("/results/1/map")
+    assert list(cividis(max(one.explained, 0.0))) in colours.tolist()
+    colours, count = content.colours(f"/results/1/curves/{one.joint}")
+    alike = np.abs(colours.astype(int) - rgb(COLOURS.residual)).max(axis=1) < 30
+    assert count[alike].sum() > 300  # the mean residual
 
 
 def test_the_staircase_of_several_diagnoses() -> None:

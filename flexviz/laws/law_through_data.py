@@ -31,7 +31,8 @@ from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 
 BINS = (32, 16, 8)
-FINE = 400  # bins in which the law is drawn
+FINE = (400, 200, 100)  # bins in which the law is drawn
+ROUGH, SLIGHT = 1.25, 0.02  # path of the drawn law: times that over coarse bins, and of the law's size
 PRIOR = 0.3  # of the joint's torque or deflection: how far a bin may lie from the law
 CLEAR = 0.05  # of the law's size: noise of a bin above which there are fewer bins
 ROBUST_STEPS, HUBER, MEDIAN = 5, 2.0, 0.6745  # MEDIAN: of |x| relative to the standard deviation
@@ -209,8 +210,13 @@ class _Drawing:
         index = binned(at, per, bins)
         means = _Means(at, per, [one.u for one in stretches], slopes, covariance)
         coarse = means.of(index, bins, FEWEST)
-        fine = means.of(binned(at, per, FINE), FINE, 1)
-        law, size = coarse.law, max(float(np.ptp(fine.law) + np.abs(fine.law).max(initial=0.0)), 1e-12)
+        law, size = coarse.law, max(float(np.ptp(coarse.law) + np.abs(coarse.law).max(initial=0.0)), 1e-12)
+        fine, most = coarse, ROUGH * _path(law) + SLIGHT * size
+        for count in FINE:  # a law that depends on more than the variable scatters in fine bins
+            finer = means.of(binned(at, per, count), count, 1)
+            if _path(finer.law) <= most:
+                fine = finer
+                break
         mean_square = np.mean(np.concatenate(per) ** 2)
         prior = max(size, self._size[int(kind.entry == "deflection"), joint] / np.sqrt(mean_square))
         left, noise, std, leftover = self._left(kind.entry, joint, index, per, coarse.bins, prior)
@@ -326,6 +332,11 @@ class _Means:
         centres = sums(self._at)[used] / count[used]
         std = np.sqrt(np.maximum(variance, 0.0))
         return _BinnedLaw(np.flatnonzero(used), centres, law, std, count[used])
+
+
+def _path(values: Array) -> float:
+    """Sum of all rises and falls of values (B,)."""
+    return float(np.abs(np.diff(values)).sum())
 
 
 def tukey(count: int, taper: float) -> Array:

@@ -116,8 +116,7 @@ class Solve:
     def _send_estimates(self, result: Identification) -> None:
         """Every parameter's value and variance, for all times."""
         for p in result.parameters:
-            known = {"value": p.value, "variance": p.std**2}
-            values = rr.AnyValues(**known, unit=p.unit, identifiable=p.identifiable)
+            values = rr.AnyValues(value=p.value, variance=p.std**2, unit=p.unit, identifiable=p.identifiable)
             self._stream.log(estimate_path(self.number, p.label), values, static=True)
 
     def _values(self, name: str, rows: Sequence[int]) -> tuple[list[int], np.ndarray]:
