@@ -1,4 +1,4 @@
-"""How often an import names a wrong unit or sign, or faulty samples: `python -m benchmarks.import_faults SET…`.
+"""How often an import names wrong units, signs and samples: `python -m benchmarks.import_faults SET…`.
 
 Takes each set as it is, which must raise no issue, then puts one fault at a time into a copy of its data
 (a joint drawn at random where it concerns one) and looks whether exactly what undoes it is named. Link
