@@ -1,4 +1,4 @@
-"""How often an import names a wrong unit or sign: `python -m benchmarks.import_faults SET…`.
+"""How often an import names wrong units, signs and samples: `python -m benchmarks.import_faults SET…`.
 
 Takes each set as it is, which must raise no issue, then puts one fault at a time into a copy of its data
 (a joint drawn at random where it concerns one) and looks whether exactly what undoes it is named. Link
@@ -11,13 +11,17 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from benchmarks.sample_faults import HARMLESS, KINDS, issues_of, log_of, named
 from flexviz.importing import issues_of_set
 from flexviz.measurements import MeasurementSet, read_set
 
+SAMPLE_KINDS = {kind for one in KINDS.values() for kind in one.names} | {"jumps"}
 Change = dict[str, Any]  # theta, tau -> factor, one or (n,)
 Keys = dict[str, float]  # of the mapping, the same on every joint
 Wanted = set[tuple[str, str, str]]  # joint, signal, key of each fix
@@ -50,10 +54,39 @@ def faults(joints: tuple[str, ...], joint: str) -> Iterator[tuple[str, Change, K
     yield "a current of 8 Nm/A taken for Nm", {"tau": 1 / 8.0}, {"torque_constant": 8.0}, unit
 
 
+def count_sample_faults(paths: list[str]) -> None:
+    """Print how each fault of the samples was named in logs made of the sets, and what was said of none."""
+    counts: dict[str, Counter[str]] = {name: Counter() for name in KINDS}
+    alarms = 0
+    for number, path in enumerate(paths):
+        measurements = read_set(path, logged=False)
+        group = measurements.fit_groups[0]
+        for name, kind in KINDS.items():
+            log = log_of(measurements, group, number)
+            kind.spoil(log)
+            with TemporaryDirectory() as folder:
+                verdict = named(kind, issues_of(Path(folder), measurements, group, log))
+            counts[name][verdict.partition(":")[0]] += 1
+            if verdict != "right":
+                print(f"{path}: {name}: {verdict}")
+        for name, change in HARMLESS.items():
+            log = log_of(measurements, group, number)
+            change(log)
+            with TemporaryDirectory() as folder:
+                found = issues_of(Path(folder), measurements, group, log)
+            said = [str(issue) for issue in found if issue.kind in SAMPLE_KINDS]
+            alarms += bool(said)
+            for text in said:
+                print(f"{path}: {name}: {text}")
+    print(f"false alarms: {alarms} of {len(paths) * len(HARMLESS)}")
+    for name, count in counts.items():
+        print(f"{name}: right {count['right']}, silent {count['silent']}, wrong cause {count['wrong cause']}")
+
+
 def main(paths: list[str]) -> None:
     """Print how many sets raised something as they are, and how often each fault was named."""
     rng = np.random.default_rng(0)
-    named: Counter[str] = Counter()
+    correct: Counter[str] = Counter()
     tried: Counter[str] = Counter()
     alarms = 0
     for path in paths:
@@ -64,12 +97,13 @@ def main(paths: list[str]) -> None:
             found = issues_of_set(multiplied(measurements, **change), keys)
             fixes = {(fix.joint, fix.signal, fix.key) for s in found for fix in s.fixes}
             tried[name] += 1
-            named[name] += fixes == wanted
+            correct[name] += fixes == wanted
             if fixes != wanted:
                 print(f"{path}: {name} ({joint}): {'; '.join(map(str, found)) or 'nothing was said'}")
     print(f"sets as they are: {alarms} of {len(paths)} raised an issue")
     for name in tried:
-        print(f"{name}: named in {named[name]} of {tried[name]}")
+        print(f"{name}: named in {correct[name]} of {tried[name]}")
+    count_sample_faults(paths)
 
 
 if __name__ == "__main__":

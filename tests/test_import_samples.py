@@ -1,4 +1,4 @@
-"""What is wrong with samples is named with cause, rows and a remedy that works; else nothing is said."""
+"""What is wrong with the samples of logs: cause, rows and a remedy that works; silence where nothing is."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from flexviz.measurements import MeasurementSet, read_set
 from flexviz.noise import white_noise
 
 CASES = ((1, "coulomb_friction", "2r"), (2, "none", "2r"), (3, "coulomb_friction", "ur5"))
+ALL = {kind for one in KINDS.values() for kind in one.names} | {"jumps"}
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case[2]}-{case[0]}")
@@ -60,7 +61,7 @@ def test_what_is_no_fault_is_not_named(good: MeasurementSet, name: str, tmp_path
     group = good.fit_groups[0]
     log = log_of(good, group, 0)
     HARMLESS[name](log)
-    assert not issues_of(tmp_path, good, group, log)
+    assert not [str(issue) for issue in issues_of(tmp_path, good, group, log) if issue.kind in ALL]
 
 
 @pytest.mark.parametrize("held", [2, 8])
@@ -90,7 +91,7 @@ def test_given_faults(name: str, tmp_path: Path) -> None:
         pytest.skip("the inputs are not here")
     kind, signal, cause, proposal = GIVEN[name]
     (issue,) = import_logs(mapping, None).issues
-    assert (issue.kind, issue.signal, issue.joints) == (kind, signal, ("joint1", "joint2"))
+    assert (issue.kind, issue.signal) == (kind, signal) and "joint1" in issue.joints
     assert cause in issue.message and proposal in issue.message
     import_logs(mapping, tmp_path / "set", mend=True)
     found = identify(read_set(tmp_path / "set"))
@@ -115,10 +116,9 @@ def test_recordings_have_no_such_fault(name: str, tmp_path: Path) -> None:
     if not folder.is_dir():
         pytest.skip("the recordings are not here")
     measurements = read_set(folder)
-    kinds = {kind for one in KINDS.values() for kind in one.names}
     group = measurements.fit_groups[0]
     issues = issues_of(tmp_path, measurements, group, log_of(measurements, group, 0))
-    assert not [str(issue) for issue in issues if issue.kind in kinds]
+    assert not [str(issue) for issue in issues if issue.kind in ALL]
 
 
 # -- the mapping ---------------------------------------------------------------------------------------------

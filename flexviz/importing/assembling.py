@@ -102,7 +102,7 @@ def read_traces(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> tupl
             raise InputError(f"{found}, expected at least {SHORTEST}", file=file, place=place)
         raw, time, rows = raw[known], time[known], rows[known]
         if signal.wrap is not None:
-            raw = unwrapped(raw, signal.wrap, bounded=isinstance(signal, TorqueColumn))
+            raw = unwrapped(raw, signal.wrap, centred=isinstance(signal, TorqueColumn))
         if signal.fresh:
             new = np.concatenate([[True], np.diff(raw) != 0.0])
             raw, time, rows = raw[new], time[new], rows[new]

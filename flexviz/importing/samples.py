@@ -201,8 +201,8 @@ def _filtered(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]
         return []
     joints = tuple(j for j, hertz in zip(mapping.names, log.tau, strict=True) if np.isfinite(hertz))
     message = (
-        f"in all rows nothing is left above about {number(log.hertz, 2)} Hz, not even noise of a sensor: was "
-        "the log filtered before it was written, or computed? Expected: the signals as the drive measures "
-        "them; these are of use only if theta and tau went through the same filter"
+        f"in all rows nothing is left above about {number(log.hertz, 2)} Hz, not even noise: was the log "
+        "filtered before it was written, or computed? Expected: the signals as the drive measures them; "
+        "these are of use only if theta and tau went through the same filter"
     )
     return [Issue("filtered", "odd", joints, "tau", message)]

@@ -172,10 +172,11 @@ def _counts(values: Array) -> list[float]:
     return []
 
 
-def unwrapped(values: Array, period: float, bounded: bool = False) -> Array:
-    """`values` (N,) without jumps by `period`, beginning within half of it; `bounded`: they stay there."""
-    signed = (values + period / 2) % period - period / 2
-    return signed if bounded else np.unwrap(signed, period=period)
+def unwrapped(values: Array, period: float, centred: bool = False) -> Array:
+    """`values` (N,) without jumps by `period`, beginning within half of it, or `centred` about 0."""
+    first = (values[0] + period / 2) % period - period / 2
+    continued = np.unwrap(values - values[0], period=period) + first
+    return continued - period * np.round(np.median(continued) / period) if centred else continued
 
 
 def _wrapped(channel: Channel, period: float, at: Indices) -> SampleFinding:

@@ -16,6 +16,7 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
+from flexviz.measurements import GAP
 from flexviz.noise.findings import Channel, Remedy, SampleFinding, runs
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import PayloadBody, Robot
@@ -65,7 +66,7 @@ class _Means:
 
     @staticmethod
     def of(recording: GroupSamples) -> _Means | None:
-        """None for a recording that is too short. Gaps are bridged by lines."""
+        """None for a recording that is too short; there are none over gaps."""
         time = recording.time
         step = float(np.median(np.diff(time)))
         width = max(2, round(THRESHOLDS.smoothed / step))
@@ -83,7 +84,12 @@ class _Means:
         v = np.gradient(q, step, axis=0)
         a = np.gradient(v, step, axis=0)
         middle = uniform[len(weights) // 2 :][: len(q)]
+        apart = np.diff(time)[np.clip(np.searchsorted(time, uniform) - 1, 0, len(time) - 2)]
+        whole = np.convolve(apart > GAP * step, np.ones(len(weights)), "valid") < 0.5
         at = np.arange(width // 4, len(q), width // 2)
+        at = at[whole[at]]
+        if len(at) < FEWEST:
+            return None
         edges = np.concatenate([[time[0]], (middle[at][1:] + middle[at][:-1]) / 2, [time[-1] + step]])
         rows = np.searchsorted(time, edges)
         return _Means(middle[at], q[at], v[at], a[at], torque[at], rows)
@@ -210,13 +216,14 @@ def _contacts(
         state = np.stack([x[:, j] / max(float(np.std(x[:, j])), 1e-12) for x in (means.q, means.v)], axis=1)
         spans = []
         for a, b in runs(np.flatnonzero(_closed(far))):
-            long = means.time[b] - means.time[a] > THRESHOLDS.standing
+            inside = a > 0 and b + 1 < len(far)  # it begins and ends: no start from rest
+            long = inside and means.time[b] - means.time[a] > THRESHOLDS.standing
             if (
                 long
                 and _one_sided(means.time, fit.off, a, b, least)
                 and _not_repeated(state, fit.off, a, b, least)
             ):
-                spans.append((int(means.rows[a]), int(means.rows[b + 1]) - 1))
+                spans.append((int(means.rows[a]), max(int(means.rows[b + 1]) - 1, int(means.rows[a]))))
         share = sum(b - a for a, b in spans) / len(recording.time)
         if not spans or share > THRESHOLDS.contact_share:
             continue

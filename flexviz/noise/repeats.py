@@ -51,13 +51,17 @@ def repeats_of(y: Array) -> Repeats:
 
 def _moving(y: Array, steps: Array) -> Bools:
     """Steps (N − 1,) at which the column moves by several counts per row."""
-    count = float(np.quantile(steps[steps > 0], THRESHOLDS.count_quantile))
-    least = AROUND * THRESHOLDS.counts_per_row * count
+    least = AROUND * THRESHOLDS.counts_per_row * _count(steps)
     gone = y[AROUND:] - y[:-AROUND]
     before, after = gone[: -AROUND - 1], gone[AROUND + 1 :]  # on both sides: a single jump is no motion
     moving = np.zeros(len(steps), dtype=bool)
     moving[AROUND : AROUND + len(before)] = np.minimum(before * np.sign(after), np.abs(after)) > least
     return moving
+
+
+def _count(steps: Array) -> float:
+    """The smallest usual step, of absolute ones (N,) that are not all 0."""
+    return float(np.quantile(steps[steps > 0], THRESHOLDS.count_quantile))
 
 
 def new_rows(y: Array) -> Indices:
@@ -104,7 +108,7 @@ def _stale(channel: Channel, found: Repeats, moves: Bools) -> Indices:
     extremes &= y[found.rows] != 0.0
     moved = np.concatenate([[0], np.cumsum(moves)])
     mostly = (moved[ends[1:]] - moved[ends[:-1]]) > 0.5 * lengths
-    count = float(np.min(np.abs(np.diff(y)), where=np.diff(y) != 0.0, initial=np.inf))
+    count = _count(np.abs(np.diff(y)))
     jumps = np.abs(np.diff(y[found.rows]))
     then = np.maximum(np.append(jumps, 0.0), np.append(0.0, jumps))  # a slow one goes on by single counts
     long = (lengths > least) & mostly & ~extremes & (then > THRESHOLDS.counts_per_row * count)
