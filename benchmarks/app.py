@@ -35,7 +35,8 @@ import numpy as np
 from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.server import start_server
-from flexviz.app.tasks import Diagnose, Identify, open_set
+from flexviz.app.sets import open_set
+from flexviz.app.tasks import Diagnose, Identify
 from flexviz.identification import identify
 from flexviz.jobs import Task
 from flexviz.measurements import GroupTable, write_set

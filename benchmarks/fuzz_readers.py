@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from benchmarks.fuzz import Reader
-from flexviz.app.tasks import open_set
+from flexviz.app.sets import open_set
 from flexviz.app.uploads import UploadFolder, take
 from flexviz.errors import FlexvizError
 from flexviz.importing import import_logs

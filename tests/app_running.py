@@ -17,7 +17,7 @@ import pytest
 
 from flexviz.app.application import Application
 from flexviz.app.server import rule_of, start_server
-from flexviz.app.tasks import open_set
+from flexviz.app.sets import open_set
 
 BROWSER = 7  # the number of a browser that is not there
 PATIENCE = 300.0  # [s] for anything; a test that waits so long has failed

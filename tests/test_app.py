@@ -11,11 +11,12 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
+from flexviz.app.sets import sets_beside
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.identify import IdentifyStep
 from flexviz.app.steps.observer import ObserverStep
 from flexviz.app.steps.step import WorkflowStep
-from flexviz.app.tasks import Identify, Sweep, sets_beside
+from flexviz.app.tasks import Identify, Sweep
 from flexviz.effects import EFFECTS
 from flexviz.resources import sessions_dir
 from flexviz.view import COMMON_EFFECTS

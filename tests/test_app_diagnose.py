@@ -14,10 +14,11 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application, first_step
+from flexviz.app.sets import open_set
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.deciding import DECIDE, DOWNLOAD
 from flexviz.app.steps.diagnose import DiagnoseStep
-from flexviz.app.tasks import JudgeErrors, open_fitted, open_set
+from flexviz.app.tasks import JudgeErrors, open_fitted
 from flexviz.diagnosis import Diagnosis, FreeCurve, Step, prediction_errors
 from flexviz.identification import identify
 from flexviz.report import session_report

@@ -9,8 +9,8 @@ import pytest
 
 from flexviz.app.application import Application
 from flexviz.app.server import start_server
+from flexviz.app.sets import open_set
 from flexviz.app.steps.data import DataStep
-from flexviz.app.tasks import open_set
 from flexviz.app.workspace import output_dir, unsaved_dir
 from flexviz.session import Autosave, Session, find_unsaved
 from tests.app_running import status, until, use

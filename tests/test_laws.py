@@ -11,7 +11,7 @@ from flexviz.charts import COLOURS
 from flexviz.effects import EFFECTS
 from flexviz.identification import identify
 from flexviz.laws import VARIABLES, LawThroughData, laws_of, variable_of
-from flexviz.laws.law_through_data import binned, tukey
+from flexviz.laws.bins import binned, tukey
 from flexviz.laws.variables import path_after
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import make_plan, simulate_plan, write_plan

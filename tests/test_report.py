@@ -312,7 +312,7 @@ def test_names_notes_and_results_are_only_text(tmp_path: Path) -> None:
             page = Tags(text)
             tags = {tag for tag, _ in page.tags}
             assert not {"script", "i", "img"} & tags and BAD in page.text
-            assert len(pictures(text)) == 5
+            assert len(pictures(text)) == 6
         elif kind == "md":
             plain = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
             assert not re.search(r"(?<!\\)<", plain)

@@ -1,94 +1,139 @@
-"""Arcs of torque and deflection, link side, the clock's end, and what a check says."""
+"""Colours, shapes, stage and camera of the scene."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flexviz.app.playback import PlaybackClock
+from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
-from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
-from flexviz.scene.arcs import ARC_PIECES, arc_arrow, joint_axes, round_up
-from flexviz.scene.motion import measured_motion, scene_labels, with_replay
-from flexviz.scene.shape import robot_shape
-from flexviz.view import joints_html
-from flexviz.view.tables import MAX_NAMED, check_html
-from flexviz.wording import number
+from flexviz.scene import FIELD_OF_VIEW, VIEWS, Box, Screen, robot_shape, scene_layout
+from flexviz.scene.shape import MAX_FACES, thinned_mesh
+from flexviz.scene.stage import LABEL_HEIGHT
+from flexviz.view.tables import set_html
+from flexviz.wording import escape
+from tests.small_set import write_small_set
 
 
-def test_an_arc_turns_as_its_joint_does() -> None:
+def test_colours() -> None:
+    assert colours.cividis(0.0) == (0, 34, 78) and colours.cividis(9.9) == (254, 232, 56)
+    assert colours.cividis(float("nan")) == colours.COLOURS.body
+    assert colours.rgb("#0072B2") == (0, 114, 178) and colours.css((0, 114, 178)) == "#0072b2"
+    assert escape("<a>") == "&lt;a&gt;"
+
+
+# -- shapes ----------------------------------------------------------------------------------------------
+
+BARE = """<robot name="bare"><link name="base"/><link name="l1"/><link name="l2"/>
+<joint name="j1" type="revolute"><parent link="base"/><child link="l1"/><origin xyz="0 0 0.3"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint>
+<joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/><origin xyz="0.5 0 0"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>"""
+
+
+def test_a_robot_without_shapes_is_drawn_as_capsules(tmp_path: Path) -> None:
+    (tmp_path / "bare.urdf").write_text(BARE)
+    shape = robot_shape(Robot.load("bare.urdf", base=tmp_path))
+    assert [body.joint for body in shape.bodies] == [None, 0, 1]
+    upper = shape.bodies[1].vertices
+    assert upper[:, 0].min() < 0.0 and upper[:, 0].max() > 0.5  # from joint to joint
+    assert shape.tip == "l2"
+
+
+def test_a_link_whose_mesh_is_not_there_is_drawn_as_a_stick_and_that_is_said(tmp_path: Path) -> None:
+    mesh = '<link name="l1"><visual><geometry><mesh filename="package://gone/arm.stl"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(BARE.replace('<link name="l1"/>', mesh + "</link>"))
+    shape = robot_shape(Robot.load("arm.urdf", base=tmp_path))
+    assert {body.joint for body in shape.bodies} >= {0, 1} and len(shape.missing) == 1
+    assert 'mesh "package://gone/arm.stl" not found' in shape.missing[0]
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    assert "sticks" in set_html(measurements, shape.missing) and "sticks" not in set_html(measurements)
+    assert "(and 1 other)" in set_html(measurements, shape.missing * 2)
+
+
+@pytest.mark.parametrize("source", ["robots:planar_2r", "example-robot-data:panda", "example-robot-data:ur5"])
+def test_shapes_of_shipped_robots_are_light_and_move_with_their_joints(source: str) -> None:
+    robot = Robot.load(source)
+    shape = robot_shape(robot)
+    assert {body.joint for body in shape.bodies} >= set(range(robot.n))
+    assert sum(len(body.faces) for body in shape.bodies) < MAX_FACES * len(shape.bodies)
+    for body in shape.bodies:
+        assert body.faces.max() < len(body.vertices) and np.isfinite(body.vertices).all()
+        assert robot.joint_of_link(body.link) == body.joint
+
+
+def test_a_heavy_mesh_is_thinned() -> None:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=6)
+    light = thinned_mesh(ball)
+    assert len(light.faces) <= MAX_FACES and np.allclose(light.bounds, ball.bounds, atol=0.05)
+
+
+def test_a_planar_motion_is_looked_at_squarely() -> None:
     robot = Robot.load("robots:planar_2r")
-    for joint, axis in enumerate(joint_axes(robot, robot_shape(robot))):
-        assert axis is not None and robot.joint_of_link(axis.link) == joint
-        q = np.zeros(robot.n)
-        before = robot.link_poses(q)[axis.link]
-        q[joint] = 0.3
-        turned = robot.link_poses(q)[axis.link][:3, :3].T @ before[:3, :3]  # the old frame seen from the new
-        assert np.allclose(
-            turned @ (np.cos(0.3) * axis.across + np.sin(0.3) * axis.along), axis.across, atol=1e-6
-        )
-        points = arc_arrow(axis, 0.5, 0.2)
-        assert points.shape == (ARC_PIECES + 2, 2, 3) and np.isfinite(points).all()
-        assert np.allclose(np.linalg.norm(points[:ARC_PIECES], axis=2), 0.2, atol=1e-6)
-        end = points[ARC_PIECES - 1, 1] / 0.2
-        assert np.arctan2(end @ axis.along, end @ axis.across) == pytest.approx(0.5 * np.pi, abs=1e-5)
-        assert np.isfinite(arc_arrow(axis, 0.0, 0.2)).all()
+    theta = np.outer(np.sin(np.linspace(0, 6, 100)), [0.8, 0.5])
+    placed = scene_layout(robot, robot_shape(robot), theta)
+    axis = np.array([0.0, 1.0, 0.0])
+    assert abs(placed.towards @ axis) > 0.9 and abs(placed.right @ axis) < 0.1
+    left, right = placed.offsets("Side by side")
+    assert np.linalg.norm(right - left) > placed.width
+    assert np.array_equal(placed.offsets("Overlaid"), np.zeros((2, 3)))
+    assert len(placed.offsets("Side by side", 3)) == 3
+    panel = Box(0, 0, 300, 200)
+    for view in VIEWS:  # the labels and the whole motion are in the picture, beside or under the panel
+        towards = placed.direction(view)
+        for screen in (Screen(520, 800, (panel,)), Screen(900, 500, (panel,)), Screen(240, 700)):
+            camera, look = placed.camera("Side by side", towards, 2, screen)
+            label = np.array(placed.label_places("Side by side"))
+            points = np.concatenate([placed.points + base for base in (left, right)])
+            x, y = on_screen(np.concatenate([points, label]), camera, look, screen)
+            assert x.min() > 0 and y.min() > 0 and x.max() < screen.width and y.max() < screen.height
+            assert not np.any((x < panel.right) & (y < panel.bottom) & bool(screen.covered))
+            assert y[-2:].max() + LABEL_HEIGHT < screen.height
+            tight = min(x.min(), y.min(), screen.width - x.max(), screen.height - LABEL_HEIGHT - y[-2:].max())
+            assert tight < 0.2 * screen.width  # as large as it can be
+            assert x[-1] - x[-2] > 0.2 * screen.width  # the measured robot is on the left
+            assert view == "Oblique" or abs(y[-1] - y[-2]) < 2
 
 
-def test_the_link_side_is_compared_with_the_link_side() -> None:
-    measurements = read_set(sessions_dir() / "planar-2r-demo")
-    motion = measured_motion(measurements, measurements.groups[0], None)
-    assert motion.link is not None
-    measured, shown = motion.pose(1.0, 5.0, 2.0, link_side=True)
-    assert np.allclose(measured, shown)
-    run: Any = SimpleNamespace(time=motion.time, theta=motion.theta + 0.01, q=motion.link + 0.004, note="")
-    measured, shown = with_replay(motion, run).pose(1.0, 5.0, 10.0, link_side=True)
-    assert np.allclose(shown - measured, 0.04)
-    first, second = scene_labels(with_replay(motion, run), 5, 10, link_side=True)
-    assert "link side q" in first and "error ×10" in second
-
-
-def test_half_a_turn_of_an_arc_has_a_round_value_in_the_legend() -> None:
-    assert [round_up(value) for value in (0.0, 0.011, 2.0, 57.0, 801.0)] == [1.0, 0.015, 2.0, 60.0, 1000.0]
-    measurements = read_set(sessions_dir() / "planar-2r-demo")
-    motion = measured_motion(measurements, measurements.groups[0], None)
-    torque, deflection = motion.loads(3.0)
-    assert torque is not None and deflection is not None and motion.half_turns[0] is not None
-    for shares, load, ends in zip(motion.arcs(3.0), motion.loads(3.0), motion.half_turns, strict=True):
-        assert shares is not None and ends is not None and load is not None
-        assert np.allclose(shares * ends, load)
-    assert (np.abs(motion.torque).max(axis=0) <= motion.half_turns[0]).all()  # type: ignore[arg-type]
-    text = joints_html(("a", "b/c"), None, motion, 3.0)
-    assert f"torque {number(torque[1], 3)} Nm" in text and 'data-node="b_c"' in text
-    assert f"/ {motion.half_turns[0][0]:.0f}<" in text and f"{1e3 * deflection[0]:.1f}"[:3] in text
-
-
-def test_the_clock_stands_at_the_end_without_loop() -> None:
-    now = [0.0]
-    clock = PlaybackClock(lambda: now[0])
-    clock.span(0.0, 10.0)
-    clock.loop = False
-    clock.play()
-    now[0] = 25.0
-    assert clock.time == 10.0
-    clock.play()
-    assert clock.time == 0.0
-
-
-def parameter(name: str, grade: str) -> Any:
-    return SimpleNamespace(name=name, joint="joint1", identifiable=grade)
-
-
-def test_a_check_names_what_is_weak() -> None:
-    assert check_html(None) == ""
-    good: Any = SimpleNamespace(
-        parameters=[parameter("stiffness", "yes"), parameter("mass", "no")], combinations=()
+def on_screen(points: Any, camera: Any, look: Any, screen: Screen) -> tuple[Any, Any]:
+    """Where points (P, 3) are drawn: pixels from the left and from the top."""
+    forward = (look - camera) / np.linalg.norm(look - camera)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = points - camera
+    pixel = screen.height / 2 / np.tan(FIELD_OF_VIEW / 2) / (away @ forward)
+    return (
+        screen.width / 2 + pixel * (away @ right),
+        screen.height / 2 - pixel * (away @ np.cross(right, forward)),
     )
-    assert "All 1 parameters" in check_html(good)
-    many = [parameter("stiffness", "weak"), *[parameter("backlash.half_width", "no")] * (MAX_NAMED + 3)]
-    text = check_html(SimpleNamespace(parameters=many, combinations=[parameter("x", "yes")]))  # type: ignore[arg-type]
-    assert "Weak: K joint1" in text and "and 3 others" in text and "1 of 1 combinations" in text
+
+
+@pytest.mark.parametrize("name", ["planar_2r", "ur5", "panda", "lying"])
+def test_the_measured_robot_is_on_the_left_and_a_plane_is_seen_face_on(name: str, tmp_path: Path) -> None:
+    if name == "lying":  # an arm in a horizontal plane
+        links = "".join(f'<link name="l{number}"/>' for number in range(4))
+        joints = "".join(
+            f'<joint name="j{k}" type="{"fixed" if k == 2 else "revolute"}"><parent link="l{k}"/>'
+            f'<child link="l{k + 1}"/><origin xyz="{0.4 * (k > 0)} 0 0"/><axis xyz="0 0 1"/>'
+            '<limit lower="-3" upper="3" effort="9" velocity="9"/></joint>'
+            for k in range(3)
+        )
+        (tmp_path / "lying.urdf").write_text(f'<robot name="lying">{links}{joints}</robot>')
+        robot = Robot.load(tmp_path / "lying.urdf")
+    else:
+        robot = Robot.load("robots:planar_2r" if name == "planar_2r" else f"example-robot-data:{name}")
+    theta = np.outer(np.sin(np.linspace(0, 6, 100)), np.linspace(0.9, 0.4, robot.n))
+    placed = scene_layout(robot, robot_shape(robot), theta)
+    screen = Screen(520, 800)
+    camera, look = placed.camera("Side by side", placed.direction("Front"), 2, screen)
+    bases = np.array(placed.offsets("Side by side"))
+    x, y = on_screen(bases + placed.centre, camera, look, screen)
+    assert x[0] < 0.4 * screen.width < 0.6 * screen.width < x[1] and abs(y[0] - y[1]) < 2
+    if name == "lying":
+        assert placed.towards[2] > 0.9

@@ -31,7 +31,8 @@ def serve(
     from flexviz.app.access import TOKEN, is_loopback
     from flexviz.app.application import Application
     from flexviz.app.server import start_server
-    from flexviz.app.tasks import open_fitted, open_set
+    from flexviz.app.sets import open_set
+    from flexviz.app.tasks import open_fitted
     from flexviz.batch import is_batch, read_batch
     from flexviz.resources import sessions_dir
 

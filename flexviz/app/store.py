@@ -15,6 +15,7 @@ from typing import Any
 
 from flexviz.app.events import TaskRunner
 from flexviz.app.playback import PlaybackClock, part_of
+from flexviz.app.sets import open_set
 from flexviz.app.state import (
     Activity,
     Changed,
@@ -30,7 +31,7 @@ from flexviz.app.state import (
     Tone,
     ViewSettings,
 )
-from flexviz.app.tasks import IdleTask, SetTask, open_set
+from flexviz.app.tasks import IdleTask, SetTask
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
@@ -61,7 +62,6 @@ class Store(ChangeSignal):
         self.news = Progress()  # of the activity, the latest
         self._begin(opened)
 
-    # -- what is open --------------------------------------------------------------------------------
     def open(self, opened: Opened) -> None:
         """Show a set or session."""
         self.tasks.stop(SetTask)
@@ -111,7 +111,6 @@ class Store(ChangeSignal):
         self.saved, self.folder = session, folder
         self.tell(Changed.SAVED | Changed.FOLDER)
 
-    # -- the analysis --------------------------------------------------------------------------------
     def change(self, label: str, analysis: Analysis) -> None:
         """Set a new state of the analysis; changes with one label are one step until there is a pause."""
         before, self._changed = self._changed, time.monotonic()
@@ -160,7 +159,6 @@ class Store(ChangeSignal):
     def note_recording(self, file: Path) -> None:
         self.session = self.session.with_recording(file)
 
-    # -- derived data --------------------------------------------------------------------------------
     @property
     def derived(self) -> Derived:
         """Derived data of the current result."""
@@ -204,7 +202,6 @@ class Store(ChangeSignal):
         """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
         return shown_errors(self.analysis, self.derived.errors)
 
-    # -- what is shown -------------------------------------------------------------------------------
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
         if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
             self.joint = joint
@@ -263,7 +260,6 @@ class Store(ChangeSignal):
         self.say(reason, "bad")
         self._alert(reason)
 
-    # -- activity ------------------------------------------------------------------------------------
     def await_task(
         self,
         task: Task[Result],

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.app.sets import cached_set, chosen_set, open_set
 from flexviz.app.state import Opened, SearchNews
 from flexviz.diagnosis import (
     BestModel,
@@ -23,29 +23,21 @@ from flexviz.diagnosis import (
     maps_of,
     with_free_curve,
 )
-from flexviz.errors import Cancelled, InputError
+from flexviz.errors import Cancelled
 from flexviz.identification import Identification, SweepResult, identify, sweep
-from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
 from flexviz.laws import LawThroughData, laws_of
-from flexviz.limits import read_json
-from flexviz.measurements import MeasurementSet, read_set, require_unchanged
+from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.parallel import Background
 from flexviz.progress import BestSoFar, Iteration, Progress, ProgressCallback, StopCallback, ignore, never
-from flexviz.resources import sessions_dir
-from flexviz.scene import robot_shape
 from flexviz.session import (
-    SESSION_FILE,
     Analysis,
     Session,
     diagnosed_models,
-    is_session,
-    open_session,
-    with_roles,
 )
 from flexviz.simulation import Run, replay
-from flexviz.view import solver_stages, truth_values
+from flexviz.view import solver_stages
 
 Bandwidth = float | tuple[float, ...]
 WARM = ("flexviz.app.tasks",)  # with all that its tasks import
@@ -57,39 +49,6 @@ class SetTask(Task[Result]):
 
 class IdleTask(SetTask[Result]):
     """A background task, stopped by a fit."""
-
-
-def open_set(path: Path) -> Opened:
-    """Read a measurement set, or a session and its set, and the robot's shape."""
-    opened = open_session(path)
-    measurements = opened.measurements
-    shape, truth = robot_shape(measurements.robot), read_truth(measurements.path)
-    if not is_session(path):
-        return Opened(measurements, shape, truth)
-    return Opened(measurements, shape, truth, opened.session, opened.folder.resolve())
-
-
-def open_fitted(path: Path) -> Opened:
-    """Read a measurement set, and identify its model: a session with nothing to undo."""
-    opened = open_set(path)
-    start = Session.of(opened.measurements)
-    fitted = start.analysis.with_identification(_identify(start.analysis), start.analysis.settings)
-    session = replace(start, present=replace(start.present, analysis=fitted))
-    task = JudgeErrors.of(fitted)
-    return replace(opened, session=session, judged=task.run() if task else ())
-
-
-def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
-    """The true values of a simulated set, or None."""
-    file = folder / "truth.json"
-    if not file.is_file():
-        return None
-    try:
-        return truth_values(read_json(file))
-    except InputError:
-        raise
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(f"not a usable truth file ({error})", file=file) from None
 
 
 @dataclass(frozen=True)
@@ -268,6 +227,16 @@ def bandwidth_of(result: Identification) -> Bandwidth:
     )
 
 
+def open_fitted(path: Path) -> Opened:
+    """Read a measurement set, and identify its model: a session with nothing to undo."""
+    opened = open_set(path)
+    start = Session.of(opened.measurements)
+    fitted = start.analysis.with_identification(_identify(start.analysis), start.analysis.settings)
+    session = replace(start, present=replace(start.present, analysis=fitted))
+    task = JudgeErrors.of(fitted)
+    return replace(opened, session=session, judged=task.run() if task else ())
+
+
 @dataclass(frozen=True)
 class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
     """Residual maps of a model: every joint against every variable."""
@@ -341,35 +310,3 @@ class Replay(IdleTask["Run"]):
             progress=progress,
             should_stop=should_stop,
         )
-
-
-def chosen_set(analysis: Analysis) -> MeasurementSet:
-    """The measurement set with the roles of the analysis."""
-    return with_roles(cached_set(analysis.path), dict(analysis.roles))
-
-
-def cached_set(path: Path) -> MeasurementSet:
-    """The set, cached until one of its files changes."""
-    try:
-        require_unchanged(_read(path))
-    except InputError:
-        _read.cache_clear()
-    return _read(path)
-
-
-@lru_cache(maxsize=1)
-def _read(path: Path) -> MeasurementSet:
-    return with_plausibility_warnings(read_set(path))
-
-
-def sets_beside(*paths: Path) -> dict[str, Path]:
-    """Name -> folder of available sets and sessions: `paths`, beside them, in ./sessions, bundled."""
-    found: dict[str, Path] = {}
-    for parent in (*(path.parent for path in paths), Path.cwd() / "sessions", sessions_dir()):
-        names = ("measurements.toml", SESSION_FILE)
-        for folder in sorted({file.parent for name in names for file in parent.glob(f"*/{name}")})[:200]:
-            if folder.resolve() not in found.values():
-                found.setdefault(folder.name, folder.resolve())
-    for path in paths:
-        found.setdefault(path.name, path.resolve())
-    return found

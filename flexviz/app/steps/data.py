@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.app.page import Page, warning
+from flexviz.app.sets import sets_beside
 from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
@@ -14,7 +15,6 @@ from flexviz.app.steps.own_robot import OwnRobot
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import hidden_in_the_dark, label_width
-from flexviz.app.tasks import sets_beside
 from flexviz.app.workspace import unsaved_dir
 from flexviz.errors import InputError
 from flexviz.measurements import Group

@@ -7,8 +7,9 @@ from functools import partial
 from itertools import takewhile
 
 from flexviz.app.page import Page, dim, off
+from flexviz.app.sets import chosen_set
 from flexviz.app.store import Store
-from flexviz.app.tasks import SetTask, chosen_set
+from flexviz.app.tasks import SetTask
 from flexviz.designing import Design, DesignSettings, design, design_files, summary_lines
 from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
