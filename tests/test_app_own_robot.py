@@ -125,7 +125,7 @@ def test_files_that_cannot_be_used_are_refused_by_name(app: Application) -> None
 
 def test_nothing_is_lost_on_the_way(app: Application) -> None:
     begin(app, arm_urdf=URDF.encode(), run1_csv=log(0, factor=20.0, header="t,q1,q2,current1,current2"))
-    assert "torque constants: τ of joint1, joint2 is a current" in own(app)._state.content
+    assert "torque constants in Nm/A: τ of joint1, joint2 is a current" in own(app)._state.content
     assert control(app, "Open").disabled and "torque constants" in str(control(app, "Open").hint)
     use(app, "Torque constants", "0.05")
     use(app, "Mass [kg]", "two")

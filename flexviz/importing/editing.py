@@ -112,7 +112,7 @@ def gaps(draft: Draft) -> list[str]:
         if lacking or not joints:
             found.append(f"the column of {title}" + (f" of {', '.join(lacking)}" if joints else ""))
     if lacking := [joint for joint in currents(draft) if draft.joints[joint].torque_constant is None]:
-        found.append(f"torque constants: τ of {', '.join(lacking)} is a current")
+        found.append(f"torque constants in Nm/A: τ of {', '.join(lacking)} is a current")
     before = [j for j, e in joints.items() if any(s.get("side") == "motor" for s in e.signals.values())]
     if lacking := [joint for joint in before if draft.joints[joint].gear == 1.0]:
         found.append(f"gear ratios: a signal of {', '.join(lacking)} is before the gear")

@@ -83,7 +83,7 @@ def test_from_own_files_to_a_named_effect(
     assert "Drop a URDF and logs" not in text and "Nothing leaves this machine." in text
     assert "my arm.urdf: 2 joints. Logs: bare.csv and loaded.csv." in text
     assert "Not used: notes.pdf: a URDF, meshes, logs" in text
-    assert "torque constants: τ of joint1, joint2 is a current" in text
+    assert "torque constants in Nm/A: τ of joint1, joint2 is a current" in text
     table = page.locator(".fv-own")
     assert table.locator("svg polyline").count() == 4
     for column, unit in (("pos_1_deg", "deg"), ("current_1", "A"), ("pos_2_deg", "deg"), ("current_2", "A")):
