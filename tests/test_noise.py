@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose
+from flexviz.diagnosis import Diagnosis, diagnose
+from flexviz.diagnosis.pipeline import _Description
 from flexviz.errors import InputError
 from flexviz.identification import identify
+from flexviz.identification.pipeline import _with_noise_share
 from flexviz.measurements import MeasurementSet, Segment
 from flexviz.noise import check_signals, column_findings, noise_notes, resolution, segments_noise, white_noise
-from flexviz.results import assessment
+from flexviz.results import Note, assessment
+from flexviz.wording import verdict_text
 
 STEP = 1e-3  # [s]
 SIGMA = np.array([2e-5, 3e-3])  # of the noise in `signal`
@@ -152,7 +156,7 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
         glitch,
         ("row 1001, column theta_joint1", "jumps at 2 of", "201 rad/s", "transmission errors"),
     ),
-    "first row": (first_row, ("row 2, column theta_joint", "jumps at 1 of", "also in theta_joint")),
+    "first row": (first_row, ("row 1, column theta_joint", "jumps at 1 of", "also in theta_joint")),
     "noise as position": (noise_as_position, ("column theta_joint1", "jumps at")),
     "noise above motion": (coarse_noise, ("column theta_joint", "noise of this position", "below 4 Hz")),
     "spikes": (only_spikes, ("columns tau_joint1, tau_joint2", "nothing but noise or spikes")),
@@ -264,3 +268,34 @@ def test_a_torque_that_is_nothing_but_noise_is_said(demo: MeasurementSet, spoil:
     text = assessment(result.document())
     assert text.startswith("Poor: noise is 100 % of the torque of joint2, and hides what is smaller.")
     assert "all joints" not in text
+
+
+# -- verdicts ------------------------------------------------------------------------------------------------
+
+
+def test_nothing_is_concluded_where_the_noise_exceeds_the_torque(diagnosed_demo: Diagnosis) -> None:
+    """Any residual looks like such noise: neither "Nothing is missing" nor "Good" may be said."""
+    course = SimpleNamespace(
+        measurements=SimpleNamespace(torque_spread=(20.0, 5.0)),
+        own=SimpleNamespace(joints=("joint1", "joint2")),
+    )
+    description = _Description(course, None, True, None, True)  # type: ignore[arg-type]
+    for floors, drowned in (
+        ((0.1, 0.1), []),
+        ((21.0, 0.1), ["joint1"]),
+        ((905.0, 421.0), ["joint1", "joint2"]),
+    ):
+        stair = SimpleNamespace(errors=SimpleNamespace(noise_floor=floors))
+        assert description.drowned(stair) == drowned  # type: ignore[arg-type]
+    note = Note("drowned", "the estimated noise is larger than the torque of joint1, so nothing can be told")
+    shown = replace(diagnosed_demo, verdict="unknown", findings=(), notes=(note,))
+    assert verdict_text(shown) == f"Unknown: {note.text}."
+
+
+def test_an_identification_whose_noise_exceeds_the_torque_is_poor(demo: MeasurementSet) -> None:
+    result = identify(demo)
+    spread = np.array(result.residual.torque_spread)
+    floors = tuple((1.5 * spread).tolist())
+    residual = _with_noise_share(replace(result.residual, noise_floor=floors), (0.0, 0.0))
+    text = assessment(replace(result, residual=residual).document())
+    assert text.startswith("Poor: noise is 150 % of the torque of joint1") and "Good" not in text

@@ -32,7 +32,7 @@ def repeats_of(y: Array) -> Repeats:
     """How long the values of `y` (N,) last; the counts of an encoder at slow speed are no repetitions.
 
     A column repeats where it does not change although it moves by several counts per row, or where it changes
-    by several counts, and nearly all of its values last a multiple of the same number of rows.
+    by several counts, and nearly all of its values last equally long, or a multiple of the same number of rows.
     """
     steps = np.abs(np.diff(y))
     changed = np.flatnonzero(steps > 0) + 1
@@ -40,13 +40,15 @@ def repeats_of(y: Array) -> Repeats:
     if len(rows) < FEWEST or len(y) <= 2 * AROUND:
         return Repeats(rows, 1.0)
     lengths = np.diff(rows)[1:]
-    k, sizes = int(np.quantile(lengths, 0.1)), steps[steps > 0]
+    k, mean, sizes = int(np.quantile(lengths, 0.1)), float(np.mean(lengths)), steps[steps > 0]
     several = np.median(sizes) > THRESHOLDS.held_steps * np.min(sizes)
     if k > 1 and several and np.mean(lengths % k == 0) > THRESHOLDS.held_regularly:
         return Repeats(rows, float(k))
+    if mean > 1.5 and several and np.mean(np.abs(lengths - mean) < 1.0) > THRESHOLDS.held_regularly:
+        return Repeats(rows, mean)
     moving = _moving(y, steps)
-    repeated = np.mean(steps[moving] == 0) if np.count_nonzero(moving) >= FEWEST else 0.0
-    return Repeats(rows, 1.0 / (1.0 - float(repeated)) if repeated > 1 - 1 / THRESHOLDS.repeated else 1.0)
+    new = np.mean(steps[moving] > 0) if np.count_nonzero(moving) >= FEWEST else 1.0
+    return Repeats(rows, 1.0 / float(new) if 0.0 < new < 1 / THRESHOLDS.repeated else 1.0)
 
 
 def _moving(y: Array, steps: Array) -> Bools:
