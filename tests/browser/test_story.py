@@ -272,14 +272,15 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     file = tmp_path / download.value.suggested_filename
     download.value.save_as(file)
     assert file.suffix == ".zip" and file.stat().st_size > 100_000
-    unfold(page, "Another set", page.locator("input[type=file]"))
-    page.locator("input[type=file]").set_input_files(str(file))
+    upload = page.get_by_role("button", name="Upload", exact=True)
+    unfold(page, "Another set", upload)
+    upload.locator("xpath=..").locator("input[type=file]").set_input_files(str(file))
     chosen = row(page, "Measurement set").get_by_role("combobox")
     until(lambda: "planar-2r-demo-session" in chosen.input_value(), what="the uploaded session")
     until(lambda: "validation error" in status(page), 60, "its result")
     bad = tmp_path / "bad.zip"
     bad.write_bytes(b"PK nothing")
-    page.locator("input[type=file]").set_input_files(str(bad))
+    upload.locator("xpath=..").locator("input[type=file]").set_input_files(str(bad))
     until(lambda: "not a usable zip" in status(page), what="the refusal")
 
 
