@@ -85,7 +85,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-fleet .fv-chosen td { background: rgba(128, 128, 128, 0.18); }
 .fv-fleet .fv-open td:first-child { border-left: 3px solid #0072B2; padding-left: 3px; }
 .uplot .u-legend { white-space: normal; }
-.uplot .u-series:has(.u-label:empty) { display: none; }
+.uplot .u-series.fv-edge { display: none; }
 .fv-chosen td { font-weight: 700; border-bottom: 2px solid #0072B2; }
 .fv-png { position: absolute; top: 8px; left: 8px; padding: 0 5px; font-size: 10.5px; cursor: pointer;
   border: 1px solid rgba(128, 128, 128, 0.5); border-radius: 3px; background: none; color: inherit;
