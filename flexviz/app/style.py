@@ -94,7 +94,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-fleet .fv-chosen td { background: rgba(128, 128, 128, 0.18); }
 .fv-fleet .fv-open td:first-child { border-left: 3px solid #0072B2; padding-left: 3px; }
 .uplot .u-legend { white-space: normal; }
-.uplot .u-series:has(.u-label:empty) { display: none; }
+.uplot .u-series.fv-edge { display: none; }
 .fv-chosen td { font-weight: 700; border-bottom: 2px solid #0072B2; }
 .fv-doubt { color: #D55E00; } [data-mantine-color-scheme="dark"] .fv-doubt { color: #FF8A4C; }
 .fv-runs th { text-align: left; }

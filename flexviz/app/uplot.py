@@ -200,7 +200,8 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         entries.append(entry | {"points": {"show": series.points, "size": 5, "fill": series.colour}})
     for ribbon in chart.ribbons:
         edge = {"stroke": ribbon.colour, "width": RIBBON_WIDTH, "scale": "y", "points": {"show": False}}
-        entries += [edge | {"label": label} for label in (ribbon.label, "")]
+        unnamed = edge | {"label": "", "class": "fv-edge"}  # not in the legend
+        entries += [edge | {"label": ribbon.label} if ribbon.label else unnamed, unnamed]
     line = {"stroke": COLOURS.playhead, "width": 1.5, **FLAGS}
     if chart.highlights is not None:
         entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})
