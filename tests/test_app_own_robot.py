@@ -106,7 +106,7 @@ def test_files_that_cannot_be_used_are_refused_by_name(app: Application) -> None
         ("big.bag", "858 MB; at most 512 MB"),
         ("void.csv", "is empty"),
         ("short.csv", "no rows of numbers were found"),
-        ("virus.exe", "logs (.csv"),
+        ("virus.exe", "a URDF, meshes, logs (.csv"),
         ("old.urdf.xacro", "expected a URDF"),
     ):
         assert f"Not used: <b>{name}</b>: {why}" in said, said
