@@ -142,7 +142,8 @@ def _proposals(mapping: Mapping, found: Found) -> Iterator[Proposal]:
         keys = {remedy.key for _, remedy in remedies}
         if len(keys) == 1 and keys < {"from", "to", "drop_jumps"}:
             values = [remedy.value for _, remedy in remedies]
-            yield Proposal(("logs", name), *keys, min(values) if "to" in keys else max(values))
+            (key,) = keys
+            yield Proposal(("logs", name), key, min(values) if key == "to" else max(values))
             continue
         group = remedies[0][0]
         spans = sorted(span for _, remedy in remedies for span in _spans(remedy, group))

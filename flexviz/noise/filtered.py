@@ -77,7 +77,7 @@ def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     positions = (theta.high < finest[0]) | (torques & (theta.falls > THRESHOLDS.falling))
     steep = (tau.high < finest[1]) | (falls > THRESHOLDS.steep)
     return FilteredLog(
-        certain=2 * np.count_nonzero(steep) > len(steep),
+        certain=bool(2 * np.count_nonzero(steep) > len(steep)),
         theta=_content(segments, "theta", positions, THRESHOLDS.position_content * finest[0]),
         tau=_content(segments, "tau", torques, THRESHOLDS.torque_content * finest[1]),
     )

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from flexviz.arrays import Array, Indices
+from flexviz.arrays import Array, Bools, Indices
 
 Kind = Literal[
     "messages",  # two kinds of message on one topic, of which one jumps
@@ -87,7 +87,7 @@ class Channel:
     time: Array
     values: Array
     size: float = 1.0
-    incomplete: Array | None = None
+    incomplete: Bools | None = None
 
     def finding(
         self, kind: Kind, samples: Indices, texts: tuple[str, str, str], remedy: Remedy | None = None

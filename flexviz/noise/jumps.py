@@ -197,7 +197,7 @@ def _wrapped(channel: Channel, period: float, at: Indices) -> SampleFinding:
 
 
 def _dropped(channel: Channel, value: float, at: Indices) -> SampleFinding:
-    before = channel.values[at[0] - 1]
+    before = float(channel.values[at[0] - 1])
     found = f"{len(at)} times the value is {number(value)} between others far from it (here after "
     found += f"{number(before)})"
     expected = "a measured number in every row; a row without one may be left out and is interpolated"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.arrays import Array, Bools
+from flexviz.arrays import Array, Bools, Indices
 from flexviz.errors import InputError
 from flexviz.measurements import GAP
 from flexviz.noise.findings import Channel, Remedy, SampleFinding, runs
@@ -62,7 +62,7 @@ class _Means:
     v: Array
     a: Array
     torque: Array
-    rows: Array  # (B + 1,) samples of the recording where they begin and end
+    rows: Indices  # (B + 1,) samples of the recording where they begin and end
 
     @staticmethod
     def of(recording: GroupSamples) -> _Means | None:
@@ -78,7 +78,7 @@ class _Means:
 
         def mean(x: Array) -> Array:
             columns = [np.convolve(np.interp(uniform, time, y), weights, "valid") for y in x.T]
-            return np.stack(columns, axis=1)
+            return np.real(np.stack(columns, axis=1))
 
         q, torque = mean(recording.theta), mean(recording.tau)
         v = np.gradient(q, step, axis=0)

@@ -32,7 +32,7 @@ def repeats_of(y: Array) -> Repeats:
     """How long the values of `y` (N,) last; the counts of an encoder at slow speed are no repetitions.
 
     A column repeats where it does not change although it moves by several counts per row, or where it changes
-    by several counts, and nearly all of its values last equally long or a multiple of some rows.
+    by several counts, and nearly all values last equally long, or multiples of the same number of rows.
     """
     steps = np.abs(np.diff(y))
     changed = np.flatnonzero(steps > 0) + 1
