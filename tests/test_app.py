@@ -210,8 +210,30 @@ def test_a_key_that_a_focused_slider_takes_does_not_step(app: Application) -> No
     assert app.store.clock.time == pytest.approx(1.0)
     leave_controls(app)
     command(app, "Step forward")
+    use(app, "Canvas", "a.1 800 600 0")  # the page's script reports at any time, which takes no key
     settle(app)
     assert app.store.clock.time == pytest.approx(1.0 + 1 / 30)
+
+
+def test_the_bar_of_a_narrow_page_plays_steps_and_seeks(app: Application) -> None:
+    pause(app)
+    for text, instant in (
+        ("a.1 seek 1.25", 1.25),
+        ("a.2 forward", 1.25 + 1 / 30),
+        ("a.3 back", 1.25),
+        ("a.4 seek 1e9", 1.25),  # no plain number
+        ("a.5 jump 2", 1.25),
+        ("", 1.25),
+    ):
+        use(app, "Playback command", text)
+        assert app.store.clock.time == pytest.approx(instant)
+    assert "nothing that the playback can do" in status(app)
+    use(app, "Playback command", "a.6 span 0.5 – 1.5")
+    assert app.store.span == (0.5, 1.5)
+    use(app, "Playback command", "a.7 span all")
+    assert app.store.span[1] > 1.5
+    use(app, "Playback command", "a.8 toggle")
+    assert app.store.clock.playing and playback_buttons(app).options[0] == "Pause"
 
 
 def test_the_factor_is_always_written_in_the_scene(app: Application) -> None:

@@ -34,7 +34,7 @@ class Display:
         self._store, self._server, self._queue = store, page.server, queue
         server = page.server
         self._cameras = cameras = Cameras(server)
-        page.style(hidden, page.client_text(SCREEN_LABEL, cameras.reported, each=True))
+        page.style(hidden, page.client_text(SCREEN_LABEL, cameras.reported, each=True, used=False))
         self.watched = cameras.watched  # whether a page is shown
         self.playback = Playback(store.clock, lambda: self.watched())
         self._placed: tuple[str, tuple[str, int], int] | None = None  # layout, camera, robots

@@ -114,13 +114,18 @@ class Page:
         return handle
 
     def _told(
-        self, handle: Any, value: Callable[[Any], Any], action: Callable[[Any], None], each: bool = False
+        self,
+        handle: Any,
+        value: Callable[[Any], Any],
+        action: Callable[[Any], None],
+        each: bool = False,
+        used: bool = True,
     ) -> Callable[[Any], Any]:
         """A callback of a control that queues `action(value(event))` if a browser used it."""
 
         async def told(event: Any) -> None:
             if event.client_id is not None:
-                self._queue.put(Event(handle._impl.uuid, action, value(event), control=True), each=each)
+                self._queue.put(Event(handle._impl.uuid, action, value(event), control=used), each=each)
 
         return told
 
@@ -149,10 +154,15 @@ class Page:
         self.tooltips.add(handle)
         return handle
 
-    def client_text(self, label: str, action: Callable[[tuple[int, str]], None], each: bool = False) -> Any:
-        """A text that calls `action((client, text))` with the browser's number; `each`: every time."""
+    def client_text(
+        self, label: str, action: Callable[[tuple[int, str]], None], each: bool = False, used: bool = True
+    ) -> Any:
+        """A text that calls `action((client, text))` with the browser's number; `each`: every time.
+
+        `used`: a user has caused it, and it may have taken a key press.
+        """
         handle = self.gui.add_text(label, "")
-        told = self._told(handle, lambda event: (event.client_id, event.target.value), action, each)
+        told = self._told(handle, lambda event: (event.client_id, event.target.value), action, each, used)
         handle.on_update(told)
         return handle
 
