@@ -159,7 +159,7 @@ def test_roles_and_effects_are_in_the_history(app: Application) -> None:
 
 def test_every_command_has_a_key_of_its_own_and_does_something(app: Application) -> None:
     known = app.page.commands.known.values()
-    assert len(known) == len(app.page.gui._command_handle_from_uuid) == 30
+    assert len(known) == len(app.page.gui._command_handle_from_uuid) == 32
     hotkeys = [(known.hotkey, known.modifier) for known in known if known.hotkey]
     assert len(set(hotkeys)) == len(hotkeys) == 12
     leave_controls(app)  # a key at the same time as a control would be the control's
@@ -236,10 +236,19 @@ def test_the_bar_of_a_narrow_page_plays_steps_and_seeks(app: Application) -> Non
     assert app.store.clock.playing and playback_buttons(app).options[0] == "Pause"
 
 
+def words(app: Application, robot: str) -> str:
+    """The label under a robot, on one line."""
+    return " ".join(app.display.scene._labels[robot].text.split())
+
+
 def test_the_factor_is_always_written_in_the_scene(app: Application) -> None:
+    """Before the stiffness is determined there is no deflection to draw, and that is said instead."""
     use(app, "Deflection ×", 77)
-    assert "deflection ×77" in app.display.scene._labels["measured"].text
-    assert "not identified yet" in app.display.scene._labels["identified"].text
+    assert "deflection not drawn: K is not determined" in words(app, "measured")
+    assert "not identified yet" in words(app, "identified")
+    use(app, "Run")
+    wait(app)
+    until(app, lambda: "deflection ×77" in words(app, "measured"))
 
 
 def test_another_set_opens_and_a_broken_one_says_why(app: Application, folder: Path) -> None:
