@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import BestModel
-from flexviz.view import alone_html, search_charts, worst_joint
+from flexviz.view import alone_html, search_charts, worst_joint_so_far
 
 JOINTS = ("arm_joint1", "arm_joint2", "arm_joint3")
 TIME = np.linspace(0.0, 2.0, 50, dtype=np.float32)
@@ -61,9 +61,9 @@ def test_long_names_of_joints_stand_upright() -> None:
     assert rows(html)[""] == ["shoulder_pan_joint", "elbow_joint"] and "fv-tall" in html
 
 
-def test_the_search_begins_at_the_worst_joint() -> None:
-    assert worst_joint(best((), 1.0), (1.0, 1.0, 1.0)) == 1
-    assert worst_joint(best((), 1.0), (1.0, 100.0, 1.0)) == 2  # relative to the torque
+def test_the_search_begins_at_the_worst_joint_so_far() -> None:
+    assert worst_joint_so_far(best((), 1.0), (1.0, 1.0, 1.0)) == 1
+    assert worst_joint_so_far(best((), 1.0), (1.0, 100.0, 1.0)) == 2  # relative to the torque
 
 
 def test_the_residual_falls_on_the_axis_of_the_first_model() -> None:
