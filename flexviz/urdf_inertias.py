@@ -22,6 +22,9 @@ TOLERATED = 0.05  # excess of the largest principal moment over the other two th
 NEGLIGIBLE = 1e-6  # of the inertia about the joint's origin that a link is part of
 
 
+WIDE = 2.0  # times the longest link, whose extent beyond the joints is not known: a wide radius of gyration
+
+
 @dataclass(frozen=True)
 class Extents:
     """Lengths from the joints' places, centres of mass and simple shapes; meshes are not read."""
@@ -60,12 +63,12 @@ def inertia_notes(root: Element, carried: Mapping[str, Any], file: Path) -> list
             if excess > SLACK:
                 notes.append(f"{place}: {message}")
         radius = math.sqrt(max(third, 0.0) / mass) if mass > 0.0 else 0.0
-        if third > least and extents.whole > 0.0 and radius > extents.longest:
+        if third > least and extents.whole > 0.0 and radius > WIDE * extents.longest:
             message = f"{third:.4g} kg m² and {mass:g} kg give a radius of gyration of {radius:.3g} m"
             if radius > extents.whole:
                 message += f", more than the whole robot's {extents.whole:.3g} m; look at its unit and mass"
                 raise InputError(message, file=file, place=place)
-            wide.append(f"{place}: {message}, more than the robot's longest link, {extents.longest:.3g} m")
+            wide.append(f"{place}: {message}, far above the robot's longest link, {extents.longest:.3g} m")
     more = [f"{wide[0]}; as implausible: {len(wide) - 1} more links"] if len(wide) > 1 else wide
     return notes + more
 

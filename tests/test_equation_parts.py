@@ -394,7 +394,7 @@ def test_what_is_dropped_at_the_ends(demo: MeasurementSet) -> None:
         step = np.diff(signals.time)[0]
         assert 0 <= signals.time[0] - begin - before < step + 1e-9
         assert -1e-9 <= end - after - signals.time[-1] < step + 1e-9
-    with pytest.raises(InputError, match=r"longest segment has .* s, .* needs 30 s to settle"):
+    with pytest.raises(InputError, match=r"longest group has .* s, .* needs 30 s to settle"):
         build_signals(demo, [group], observer, drop=(10.0, 20.0))
     wide = build_signals(demo, [group], FlatZeroPhase([10.0, 20.0]))
     assert [wide.observer_of(j).bandwidth for j in (0, 1)] == [10.0, 20.0]

@@ -51,7 +51,9 @@ def motion() -> tuple[np.ndarray, np.ndarray]:
     urdf = LIFT.format(link1=LINK.format(name="link1"), link2=LINK.format(name="link2"))
     model = pin.buildModelFromXML(urdf)
     data = model.createData()
-    return q, np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)]) + 2.0 * v
+    force = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)]) + 2.0 * v
+    noise = np.random.default_rng(0).normal(size=(2, *q.shape))  # of sensors: none would look filtered
+    return q + 1e-6 * noise[0], force + 1e-3 * noise[1]
 
 
 POSITION, FORCE = motion()

@@ -90,8 +90,8 @@ def test_impossible_inertias_are_refused(what: str, tmp_path: Path) -> None:
 def test_small_violations_are_reported_and_rounding_is_not(tmp_path: Path) -> None:
     (note,) = Robot.load(written(tmp_path, with_inertia(tensor(0.1, 0.1, 0.206)))).notes
     assert 'link "link2"' in note and "by 3 %" in note and "izz = 0.206" in note
-    (wide,) = Robot.load(written(tmp_path, with_inertia(tensor(2.0, 2.0, 2.0)))).notes
-    assert "radius of gyration of 0.707 m" in wide and "longest link, 0.5 m" in wide
+    (wide,) = Robot.load(written(tmp_path, with_inertia(tensor(5.0, 5.0, 5.0)))).notes
+    assert "radius of gyration of 1.12 m" in wide and "longest link, 0.5 m" in wide
 
 
 SILENT = {

@@ -61,7 +61,8 @@ def jumped(channel: Channel, fastest: float) -> Indices:
         THRESHOLDS.jump_steps * float(np.median(count)) if len(count) else 0.0,
     )
     least = max(THRESHOLDS.jump, min(usual, THRESHOLDS.jump_beyond_noise))
-    return rows[1:][sudden(steps) > np.maximum(least, fastest * seconds)]
+    # where time does not go on, another stretch begins
+    return rows[1:][(sudden(steps) > np.maximum(least, fastest * seconds)) & (seconds > 0.0)]
 
 
 def sudden(steps: Array) -> Array:

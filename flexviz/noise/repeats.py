@@ -44,7 +44,10 @@ def repeats_of(y: Array) -> Repeats:
     several = np.median(sizes) > THRESHOLDS.held_steps * np.min(sizes)
     if k > 1 and several and np.mean(lengths % k == 0) > THRESHOLDS.held_regularly:
         return Repeats(rows, float(k))
-    if mean > 1.5 and several and np.mean(np.abs(lengths - mean) < 1.0) > THRESHOLDS.held_regularly:
+    alike = float(np.sum(lengths[np.abs(lengths - mean) < 1.0])) / max(
+        float(np.sum(lengths)), 1.0
+    )  # of the rows
+    if mean > 1.5 and several and alike > THRESHOLDS.held_regularly:
         return Repeats(rows, mean)
     moving = _moving(y, steps)
     new = np.mean(steps[moving] > 0) if np.count_nonzero(moving) >= FEWEST else 1.0
@@ -58,7 +61,8 @@ def _moving(y: Array, steps: Array) -> Bools:
     before, after = gone[: -AROUND - 1], gone[AROUND + 1 :]  # on both sides: a single jump is no motion
     moving = np.zeros(len(steps), dtype=bool)
     moving[AROUND : AROUND + len(before)] = np.minimum(before * np.sign(after), np.abs(after)) > least
-    return moving
+    # at its ends a signal that is limited stands still although nothing is stale
+    return moving & (y[1:] < np.max(y)) & (y[1:] > np.min(y))
 
 
 def _count(steps: Array) -> float:

@@ -13,7 +13,7 @@ import pytest
 from flexviz.app import DEMO
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
-from tests.browser.page import SOON, button, chart, picture, status, tab, until, well_laid_out
+from tests.browser.page import SOON, button, chart, pause, picture, status, tab, until, well_laid_out
 
 pytestmark = pytest.mark.browser
 BRIGHT = (254, 232, 56)  # the end of the scale of the links
@@ -51,7 +51,8 @@ class Picture:
     def __init__(self, page: Any) -> None:
         image = pytest.importorskip("PIL.Image")
         self._boxes: dict[str, tuple[int, int, int, int]] = {}
-        while self._boxes != (boxes := page.evaluate(BOXES, PARTS)):  # until all rests in its place
+        # until all is there, and rests in its place
+        while self._boxes != (boxes := page.evaluate(BOXES, PARTS)) or not all(boxes.values()):
             self._boxes = boxes
             taken = image.open(io.BytesIO(picture(page)))
         self._seen = np.asarray(taken.convert("RGB")).astype(int)
@@ -119,7 +120,7 @@ def test_the_first_screen_says_what_is_wrong(
     # the residual of that joint jumps at each reversal, by twice the friction less what has smoothed it
     assert Picture(page).amplitude() > 0.7
     assert len(jumps(page)) >= 6 and (jumps(page) > 2.0).all()
-    button(page, "Pause").click()
+    pause(page)
     shot(page, f"first-{'dark' if dark else 'light'}")
     well_laid_out(page)
 
@@ -135,7 +136,7 @@ def test_an_added_effect_makes_the_error_fall(serve: Callable[..., str], open_pa
     until(lambda: verdict.count() and verdict.inner_text().startswith("Missing"), what="the verdict")
     until(lambda: not button(page, "Stop").is_enabled(), what="the end")
     assert page.locator(".fv-wrong").count() == 0
-    button(page, "Pause").click()
+    pause(page)
     for one in (page, still):
         tab(one, "Compare").click()
         chart(one, "Residual, joint2 [Nm]")

@@ -133,6 +133,7 @@ def test_several_files_chosen_at_once_and_the_mapping(
     stranger: Stranger, serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:
     page = open_page(f"{serve()}/?darkMode", 1280, 800)
+    button(page, "Data").click()
     with page.expect_file_chooser() as chooser:
         button(page, "Your robot: URDF and logs").click()
     chooser.value.set_files([str(file) for file in (*stranger.logs, stranger.urdf)])

@@ -11,7 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from flexviz.simulation import simulate_preset
-from tests.browser.page import SOON, button, choose, error, pixels, row, status, tab, until, within
+from tests.browser.page import SOON, button, choose, error, pause, pixels, row, status, tab, until, within
 
 pytestmark = pytest.mark.browser
 HALF_WIDTH = 1e-4  # [rad]
@@ -59,8 +59,11 @@ def test_the_brightest_link_is_that_of_the_verdict(
 ) -> None:
     address = serve(panda)
     page = open_page(address, 1440, 900)
-    button(page, "Pause").click()
-    scene = "() => window.__viserSceneTree.getState()['/labels/measured']?.message?.props?.text"
+    pause(page)
+    scene = (
+        "() => (window.__viserSceneTree.getState()['/labels/measured']?.message?.props?.text ?? '')"
+        ".replaceAll(String.fromCharCode(10), ' ')"  # labels are wrapped
+    )
     until(lambda: "deflection not drawn: K is not determined" in page.evaluate(scene), SOON, "no deflection")
     assert all(page.evaluate(HATCHED))
     button(page, "Diagnose").click()

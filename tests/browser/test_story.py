@@ -168,7 +168,8 @@ def parameter(page: Any, name: str, joint: str) -> float:
     rows = page.locator(".fv-table tr").filter(has_not=page.locator("th")).all_inner_texts()
     first = next(i for i, text in enumerate(rows) if text.strip() == joint)
     cells = next(text.split("\t") for text in rows[first + 1 :] if text.startswith(f"{name}\t"))
-    return float(cells[2].replace("−", "-"))
+    thousands = any(cell.startswith("kNm") for cell in cells)
+    return float(cells[2].replace("−", "-")) * (1e3 if thousands else 1.0)
 
 
 def test_tuned_run_and_stopped_and_two_pages_show_the_same(

@@ -130,7 +130,7 @@ def factor(page: Any, gain: int, signal: str = "θ") -> float:
 def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any, dark: bool) -> None:
     theme = "dark" if dark else "light"
     page = open_page(address + ("/?darkMode" if dark else ""), 1280, 800)
-    button(page, "Pause").click()
+    pause(page)
     identified(page)
     button(page, "Observer").click()
     choose(page, "Observer type", "eso")

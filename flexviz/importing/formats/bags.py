@@ -60,7 +60,12 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
     from rosbags.rosbag2 import Reader as Reader2
 
     with readable(path, "bag"), Reader1(path) if first else Reader2(path) as reader:
-        states = [c for c in reader.connections if is_state(c) and wants_topic(options, c.topic)]
+        every = [c for c in reader.connections if is_state(c)]
+        states = [c for c in every if wants_topic(options, c.topic)] or [
+            c
+            for c in every
+            if c.msgtype == JOINT_STATE  # whose faults are named
+        ]
         if not states:
             topics = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
             present = ", ".join(topics[:8]) + (", …" if len(topics) > 8 else "") or "no topics"
