@@ -377,7 +377,7 @@ FILES = {
     "garbled.mcap": (garbled, "not a readable bag"),
     "no.mcap": (
         no_states,
-        r"no topic holds sensor_msgs/msg/JointState or another state of joints; the bag has /on \(std_msgs/msg/Bool\)",
+        r"no topic holds sensor_msgs/msg/JointState or another.*; the bag has /on \(std_msgs/msg/Bool\)",
     ),
     "one.mcap": (one_message, "only 1 messages, expected at least 32"),
     "unnamed.mcap": (unnamed, "no joint has 32 messages"),

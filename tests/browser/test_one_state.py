@@ -37,7 +37,7 @@ TEXTS = """() => [...document.querySelectorAll('.fv')].filter(e => e.offsetParen
     return copy.textContent;
 }).join('\\n')"""
 STYLES = """start => Object.values(window.__viserTestpoints.uplots).map(u => u.chart)
-    .filter(u => u.root.querySelector('.u-title').textContent.startsWith(start))
+    .filter(u => u.root.offsetParent && u.root.querySelector('.u-title').textContent.startsWith(start))
     .map(u => ({lines: u.series.slice(1).map(s => [s.label, s.stroke && s.stroke(u, 1)]),
                 axis: [u.scales.y.min, u.scales.y.max]}))[0]"""
 
