@@ -84,7 +84,9 @@ class DiagnoseStep(WorkflowStep):
         """Show what a search has told that runs or was stopped; it begins at the worst joint."""
         store, search = self.store, self.store.search
         first, best, joints = search.first, search.best, store.measurements.joints
-        if first is not None and first is best and not search.alone:
+        task = store.activity.task if store.activity else None
+        adds = isinstance(task, Diagnose) and task.analysis.effects != store.analysis.effects
+        if first is not None and first is best and not search.alone and not adds:  # its fall is looked at
             store.select(joint=worst_joint_so_far(first, store.measurements.torque_spread))
         self._so_far.content = so_far_html(best, store.running)
         self._verdict.visible = best is None
