@@ -50,7 +50,9 @@ if (!window.flexvizFall) {
     const from = before.get(one.dataset.fvCount);
     one.fvText = one.fvText || one.textContent;
     const to = parseFloat(one.fvText), between = from + share * (to - from);
-    one.textContent = share < 1 && Number.isFinite(between) ? String(Number(between.toPrecision(3))) : one.fvText;
+    const digits = between < 999.5 ? between.toPrecision(3) : String(Math.round(between));
+    const text = share < 1 && Number.isFinite(between) ? digits : one.fvText;
+    if (one.textContent !== text) one.textContent = text;  // else the observer below would see a change each time
   });
   const colours = share => {
     all('data-fv-fade').forEach(one => {
@@ -95,6 +97,7 @@ if (!window.flexvizFall) {
     state.running = false;
   };
   new MutationObserver(() => {
+    if (state.running) numbers(state.share);  // a text that comes meanwhile is the present model's
     const now = (document.querySelector('[data-fv-fall]') || { dataset: {} }).dataset.fvFall;
     if (now === undefined || now === state.count) return;
     const first = state.count === null;
