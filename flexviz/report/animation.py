@@ -35,7 +35,6 @@ RATE = 25.0  # [frames/s]
 MOST_FRAMES = 1500  # of the recording; longer ones are drawn with fewer frames a second
 SHOWN_ERROR = 0.2  # [rad] or [m] of the largest error as it is drawn at first
 FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
-POSES = 60  # of the motion, for the size of the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +146,8 @@ def _data(measurements: MeasurementSet, group: str, models: Sequence[SimulatedMo
     time, theta = frames(recorded)
     moved = [_columns(time, one.run.time, one.run.theta) for one in models]
     shape = lean_shape(robot_shape(robot), FACES)
-    layout = scene_layout(robot, shape, theta[:: max(len(theta) // POSES, 1)])
+    layout = scene_layout(robot, shape, theta)
     rest, chains = screws(robot)
-    view = np.stack((layout.right, np.cross(layout.towards, layout.right), layout.towards))
     bodies = [
         {
             "chain": chains[body.link],
@@ -174,7 +172,7 @@ def _data(measurements: MeasurementSet, group: str, models: Sequence[SimulatedMo
         "unit": "mrad or mm" if robot.prismatic.any() else "mrad",
         "screws": joint_screws(robot).tolist(),
         "bodies": bodies,
-        "view": np.round(view, 5).tolist(),
+        "view": np.round(layout.axes, 5).tolist(),
         "centre": np.round(layout.centre, 4).tolist(),
         "extent": [round(layout.width, 4), round(layout.size, 4)],
         "factor": nice,

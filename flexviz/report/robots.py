@@ -19,26 +19,21 @@ SIZE = (420, 250)  # [px] of the picture of one robot or two
 TOP, BOTTOM = 26, 34  # [px] for the names above the robots, and the scale below
 LIGHT = np.array([0.25, 0.55, 0.8]) / np.linalg.norm([0.25, 0.55, 0.8])  # to the right, up, to the viewer
 AMBIENT = 0.45  # share of a face's brightness that does not depend on its direction
-POSES = 60  # of the motion, for the size of the picture
-GREY = css(COLOURS.body)
 
 
 def robot_picture(content: ReportContent, group: str) -> Picture | None:
-    """The robot twice, with the errors before and after in a group; once if there is only one model."""
+    """The robot in a pose of a group, with the errors before and after; once if there is only one model."""
     steps = content.steps
     if not steps:
         return None
     chosen = (steps[0], steps[-1]) if len(steps) > 1 else steps
     found = [link_colours(step, content.spread, chosen) for step in chosen]
     colours = [one for one in found if one is not None]
-    if len(colours) < len(chosen):
-        return None
     measurements = content.measurements
     theta = measurements.group(group).joined("theta")
     shape = lean_shape(robot_shape(measurements.robot), FACES)
-    layout = scene_layout(measurements.robot, shape, theta[:: max(len(theta) // POSES, 1)])
+    layout = scene_layout(measurements.robot, shape, theta)
     poses = measurements.robot.link_poses(theta[len(theta) // 2])
-    view = np.stack((layout.right, np.cross(layout.towards, layout.right), layout.towards))
     width, height = SIZE
     pitch = width / len(chosen)
     scale = min(0.46 * pitch / layout.width, (height - TOP - BOTTOM) / (2.1 * layout.size))
@@ -47,7 +42,7 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
     names = ("before", "after")[-len(chosen) :] if len(chosen) > 1 else ("",)
     for k, (one, name) in enumerate(zip(colours, names, strict=True)):
         at = np.array([(k + 0.5) * pitch, middle])
-        parts += faces(shape, poses, view, layout.centre, scale, at, one)
+        parts += faces(shape, poses, layout.axes, layout.centre, scale, at, one)
         label = escape(f"{name}: {one.errors.text()}" if name else one.errors.text())
         parts.append(f'<text x="{at[0]:g}" y="16" text-anchor="middle">{label}</text>')
     told = "Links are coloured by their joint's error"

@@ -41,6 +41,11 @@ class SceneLayout:
         """Middle of one robot's motion (3,) [m], in its base frame."""
         return (self.points.min(axis=0) + self.points.max(axis=0)) / 2
 
+    @property
+    def axes(self) -> Array:
+        """Unit vectors to the viewer's right, up and towards the viewer, shape (3, 3)."""
+        return np.stack((self.right, np.cross(self.towards, self.right), self.towards))
+
     def offsets(self, layout: str, count: int = 2) -> tuple[Array, ...]:
         """Base positions (3,) of `count` robots, left to right [m]."""
         return self._row(0.0 if layout == OVERLAID else APART, count)
