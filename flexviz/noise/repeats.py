@@ -44,9 +44,7 @@ def repeats_of(y: Array) -> Repeats:
     several = np.median(sizes) > THRESHOLDS.held_steps * np.min(sizes)
     if k > 1 and several and np.mean(lengths % k == 0) > THRESHOLDS.held_regularly:
         return Repeats(rows, float(k))
-    alike = float(np.sum(lengths[np.abs(lengths - mean) < 1.0])) / max(
-        float(np.sum(lengths)), 1.0
-    )  # of the rows
+    alike = np.sum(lengths[np.abs(lengths - mean) < 1.0]) / np.sum(lengths)  # share of the rows
     if mean > 1.5 and several and alike > THRESHOLDS.held_regularly:
         return Repeats(rows, mean)
     moving = _moving(y, steps)
