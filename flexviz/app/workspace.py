@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from flexviz.files import temporary_folder
 from flexviz.jobs import Task
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import ProgressCallback, StopCallback
-from flexviz.report import session_report
+from flexviz.report import session_animation, session_report
 from flexviz.session import Session, SessionChanged, save_session, zipped
 from flexviz.simulation import Run, make_plan, simulate_preset, simulated_effects
 
@@ -95,6 +95,7 @@ class WriteReport(Task[FileContent]):
     """The report of a session as one HTML file; `folder` is that of the saved session."""
 
     in_process = False
+    doing: ClassVar[str] = "writing the report"
 
     session: Session
     measurements: MeasurementSet
@@ -104,6 +105,17 @@ class WriteReport(Task[FileContent]):
         callbacks = {"progress": progress, "should_stop": should_stop}
         text = session_report(self.session, self.measurements, "html", folder=self.folder, **callbacks)
         return FileContent(f"{self.measurements.name}-report.html", text.encode())
+
+
+@dataclass(frozen=True, eq=False)
+class WriteAnimation(WriteReport):
+    """Measured and identified robot in motion as one HTML file."""
+
+    doing: ClassVar[str] = "writing the animation"
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> FileContent:
+        text = session_animation(self.session, self.measurements, progress=progress, should_stop=should_stop)
+        return FileContent(f"{self.measurements.name}-animation.html", text.encode())
 
 
 @dataclass(frozen=True, eq=False)

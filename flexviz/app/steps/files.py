@@ -14,7 +14,15 @@ from flexviz.app.rerun_page import RerunPage
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half
-from flexviz.app.workspace import FileContent, RecordSession, WriteReport, save_output, short, zip_file
+from flexviz.app.workspace import (
+    FileContent,
+    RecordSession,
+    WriteAnimation,
+    WriteReport,
+    save_output,
+    short,
+    zip_file,
+)
 from flexviz.errors import InputError
 from flexviz.jobs import InThread, Result, Task
 from flexviz.session import Analysis
@@ -41,11 +49,12 @@ class Files:
         save = page.button("Save session", self._save, hint=hint)
         hint = "with its measurement set, as one zip file"
         download = page.client_button("Download session", self._download, hint=hint)
-        self._report = page.client_button("Report", self._write_report)
+        self._report = page.client_button("Report", partial(self._write_page, WriteReport))
+        self._animation = page.client_button("Animation", partial(self._write_page, WriteAnimation))
         hint = "records the session as it is now, and shows it in Rerun's viewer in a new tab"
         show = page.client_button("Open in Rerun", self._open_recording, hint=hint)
         hint = "a Rerun file with the measured signals, all results and what is simulated by now"
-        page.client_button("Download recording", self._send_recording, hint=hint)
+        recording = page.client_button("Download recording", self._send_recording, hint=hint)
         hint = "records the analysis live in a Rerun file in ./sessions"
         self._record = page.checkbox("Record", False, partial(self._switch, "file"), hint=hint)
         hint = "sends the same to a Rerun viewer on this machine"
@@ -56,10 +65,12 @@ class Files:
         for box in (self._record, self._live):
             page.style(half, box)
         page.row((save, download))
-        page.row((self._report, show))
+        page.row((self._report, self._animation))
+        page.row((show, recording))
         page.command("Save the session", self._save)
         page.client_command("Send the session as a zip", self._download)
-        page.client_command("Send a report", self._write_report)
+        page.client_command("Send a report", partial(self._write_page, WriteReport))
+        page.client_command("Send an animation", partial(self._write_page, WriteAnimation))
         page.client_command("Send a recording of the session", self._send_recording)
         page.client_command("Show the session in Rerun", self._open_recording)
         page.command("Begin or end a recording", self._toggle)
@@ -79,7 +90,9 @@ class Files:
         analysis = self._store.analysis
         nothing = analysis.identification is None and analysis.diagnosis is None
         why = "no results yet; press Find the missing effect (step 4) or Run (step 3) first"
-        off(self._report, why if nothing else "", "all results as one self-contained HTML file")
+        why = why if nothing else ""
+        off(self._report, why, "all results as one self-contained HTML file")
+        off(self._animation, why, "measured and identified robot in motion, as one self-contained HTML file")
         why = "switch Live viewer off first" if self._live.value else ""
         off(self._address, why, f"where the viewer listens; start one with: {START_VIEWER}")
 
@@ -114,12 +127,12 @@ class Files:
         task = InThread(zip_file, store.session, store.measurements)
         self._start("preparing the download", task, partial(self._send, client))
 
-    def _write_report(self, client: int) -> None:
+    def _write_page(self, kind: type[WriteReport | WriteAnimation], client: int) -> None:
         if self._report.disabled:
             raise InputError(str(self._report.hint))
         store = self._store
-        task = WriteReport(store.session, store.measurements, store.folder)
-        self._start("writing the report", task, partial(self._send, client))
+        task = kind(store.session, store.measurements, store.folder)
+        self._start(kind.doing, task, partial(self._send, client))
 
     def _send_recording(self, client: int) -> None:
         self._with_recording(lambda file: self._send(client, FileContent(file.name, file.read_bytes())))
