@@ -109,7 +109,7 @@ class LiveResidual:
         tried = f" with the gains below, not used yet ({lag})" if self._draft else ""
         span = f"{number(found.time[0], 3)} to {number(found.time[-1], 3)} s"
         head = (
-            f'<div class="fv"><b>Residual of the identified model</b>{tried}, values kept '
+            f'<div class="fv fv-tuned"><b>Residual of the identified model</b>{tried}, values kept '
             f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise, rms against the '
             "smallest of the tunings tried; band: noise alone)</span></div>"
         )
