@@ -38,7 +38,7 @@ CSS = """
 .fv-kind { padding-top: 0.35em; padding-bottom: 0.1em; font-weight: 600; }
 .fv-joints td:first-child { white-space: nowrap; }
 .fv-joints .fv-dim { font-size: 10.5px; }
-.fv-tuned { min-height: 6.25em; /* four lines: what is dragged below stays in its place when the text grows */ }
+.fv-tuned { min-height: 6.25em; /* four lines: what is dragged stays when the text grows */ }
 .fv-next { margin-top: 0.25em; color: var(--mantine-color-dimmed); }
 .fv-next b { color: var(--mantine-color-text); }
 .fv-wrong { font-size: 17px; line-height: 1.35; padding-bottom: 0.5em; font-weight: 600; }

@@ -94,7 +94,8 @@ class DiagnoseStep(WorkflowStep):
 
     def refresh(self) -> None:
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
-        shown = id(store.measurements), analysis.diagnosis, analysis.diagnosis_settings, why
+        about = analysis.path, analysis.roles, analysis.effects, analysis.diagnosis_up_to_date
+        shown = id(store.measurements), id(analysis.identification), analysis.diagnosis, about, why
         if shown == self._drawn:
             return  # a slider of another step is dragged
         self._drawn = shown

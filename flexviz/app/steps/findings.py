@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from flexviz.app.page import Page, off
+from flexviz.app.page import Page, off, put
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import Finding
@@ -39,10 +39,10 @@ class FindingEntry:
     def show(self, merged: MergedFinding[Finding] | None, store: Store) -> None:
         """Show a finding with its evidence in the selected group; None hides the entry."""
         for handle in (self._text, self._toggle, self.add, self._card):
-            handle.visible = merged is not None
+            put(handle, visible=merged is not None)
         self._finding = None
         if merged is None:
-            self._folder.visible = False
+            put(self._folder, visible=False)
             return
         joints, members = store.measurements.joints, merged.members
         here = (member for member in members if member.joint == store.joint_name)
@@ -126,7 +126,8 @@ class ModelList:
         self._shown = [(text,) for text in self._effects] if self._apart else together
         for index, (text, button) in enumerate(self._rows):
             texts = self._shown[index] if index < len(self._shown) else ()
-            text.visible = button.visible = bool(texts)
+            put(text, visible=bool(texts))
+            put(button, visible=bool(texts))
             if texts:
                 (name,) = text_names(texts, self._joints, self._families)
                 text.content = f'<div class="fv fv-added">+ {escape(name)}</div>'
