@@ -144,6 +144,12 @@ def shared_kernel(
     one = derivatives[0].gains(observers[0].transfer, omega)
     other = one if same else derivatives[1].gains(observers[1].transfer, omega)
     out = np.empty((2 * lags + 1, len(one), len(other)))
+    if lags == 0:  # the mean of the density
+        weights = np.full(len(omega), 2.0 * raw_step / joint_step / length)
+        weights[[0, -1]] /= 2.0
+        out[0] = ((np.array(one) * weights) @ np.conj(other).T).real
+        out.flags.writeable = False
+        return out
     kept = np.arange(-lags, lags + 1)
     for j, gain in enumerate(one):
         for k, with_it in enumerate(other):
