@@ -159,7 +159,7 @@ def test_roles_and_effects_are_in_the_history(app: Application) -> None:
 
 def test_every_command_has_a_key_of_its_own_and_does_something(app: Application) -> None:
     known = app.page.commands.known.values()
-    assert len(known) == len(app.page.gui._command_handle_from_uuid) == 32
+    assert len(known) == len(app.page.gui._command_handle_from_uuid) == 33
     hotkeys = [(known.hotkey, known.modifier) for known in known if known.hotkey]
     assert len(set(hotkeys)) == len(hotkeys) == 12
     leave_controls(app)  # a key at the same time as a control would be the control's
