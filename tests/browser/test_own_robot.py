@@ -46,7 +46,7 @@ def retype(page: Any, text: str) -> None:
     """
     page.keyboard.press("Control+A")
     page.keyboard.type(text)
-    page.wait_for_timeout(200)
+    page.evaluate("() => new Promise(later => setTimeout(later, 300))")  # by the page's own clock: it may lag
 
 
 def next_text(page: Any, text: str) -> None:
