@@ -41,7 +41,7 @@ def fill(page: Any, label: str, text: str) -> None:
 def retype(page: Any, text: str) -> None:
     """Type instead of what stands in the focused text.
 
-    Nobody goes on to the next control within a fifth of a second; viser sends only the last of what all
+    Nobody goes on to the next control within a third of a second; viser sends only the last of what all
     controls change within 50 ms.
     """
     page.keyboard.press("Control+A")

@@ -127,7 +127,7 @@ class Files:
         task = InThread(zip_file, store.session, store.measurements)
         self._start("preparing the download", task, partial(self._send, client))
 
-    def _write_page(self, kind: type[WriteReport | WriteAnimation], client: int) -> None:
+    def _write_page(self, kind: type[WriteReport], client: int) -> None:
         if self._report.disabled:
             raise InputError(str(self._report.hint))
         store = self._store
