@@ -14,7 +14,8 @@ from typing import Any
 import psutil
 
 from benchmarks.app import served
-from tests.browser.page import CHROMIUM, FLAGS, PLAIN_SCENE, SPARE_FRAMES, button, status, until
+from tests.browser.conftest import opened
+from tests.browser.page import CHROMIUM, FLAGS, button, status, until
 
 FIRST, SAVE, REPORT = 8.0, 2.0, 15.0  # [s] at most
 SEARCH = 1500.0  # [s] of patience with the diagnosis
@@ -74,13 +75,7 @@ def main() -> None:
 
     with sync_playwright() as playwright, served(str(folder)) as (process, address):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.set_default_timeout(1e6)
-        page.add_init_script(PLAIN_SCENE)
-        page.goto(address)
-        page.wait_for_selector(".uplot .u-over", state="attached")
-        page.evaluate(SPARE_FRAMES)
-        page.evaluate("window.sceneIsHidden = true")
+        page = opened(browser, [], address)
         measure(page, process.pid)
         browser.close()
 
