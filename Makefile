@@ -69,7 +69,7 @@ docs: install
 
 # needs uv; versions and hashes only, no addresses
 lock:
-	uv pip compile pyproject.toml --group dev --extra batch --universal --python-version 3.11 --fork-strategy fewest \
+	uv pip compile pyproject.toml --group dev --all-extras --universal --python-version 3.11 --fork-strategy fewest \
 	  --generate-hashes --no-strip-extras --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet \
 	  --output-file requirements.lock
 

@@ -26,11 +26,11 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
@@ -58,24 +58,6 @@ def line(name: str, figure: str, target: str, ratio: float) -> None:
     )
 
 
-def cpu_of(pid: int) -> float:
-    """CPU seconds of a process, where the system tells (Linux)."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    except OSError:
-        return float("nan")
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def memory_of(pid: int) -> float:
-    """Resident memory of a process [MB], where the system tells (Linux)."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    except OSError:
-        return float("nan")
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
 @contextmanager
 def served(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """`flexviz serve` in a folder of its own, and its address."""
@@ -98,7 +80,7 @@ def first_page() -> None:
     with served() as (process, address):
         with urllib.request.urlopen(address, timeout=60) as answer:
             assert len(answer.read()) > 100_000
-        seconds, cpu = time.monotonic() - begin, cpu_of(process.pid)
+        seconds, cpu = time.monotonic() - begin, sum(psutil.Process(process.pid).cpu_times()[:2])
     line("first page", f"{seconds:.2f} s, {cpu:.2f} s of CPU", f"< {PAGE:g} s", seconds / PAGE)
 
 
@@ -156,9 +138,11 @@ def tuning(count: int = 60) -> None:
         wait(app, lambda: not app.tasks.busy)
         store = app.store
         for effects in ((), ("coulomb_friction",)):
-            result = identify(store.measurements, effects=effects, observer="eso", max_iterations=1)
+            result = identify(
+                store.measurements, effects=effects, observer="eso", max_iterations=1, refine=False
+            )
             for observer in TUNED:
-                analysis = replace(store.analysis, observer=observer, bandwidth=20.0, effects=effects)
+                analysis = store.analysis.with_fit(observer=observer, bandwidth=20.0, effects=effects)
                 store.change("observer", analysis.with_identification(result, analysis.settings))
                 store.tasks.stop()
                 store.go("Observer")
@@ -170,7 +154,7 @@ def drag(app: Application, name: str, count: int, pause: float = 0.0) -> None:
     """Send bandwidths as a slider does; with a pause [s] between them the playback's rate, too."""
 
     def set_bandwidth(width: float) -> None:
-        app.store.change("bandwidth", replace(app.store.analysis, bandwidth=width))
+        app.store.change("bandwidth", app.store.analysis.with_fit(bandwidth=width))
 
     wall, cpu = [], []
     frames, started = app.display.playback.frames, time.monotonic()
@@ -210,7 +194,7 @@ def playback() -> None:
             "playback alone", f"{rate:.1f} frames/s over {seconds:.1f} s", f">= {FRAMES:g} /s", rate / FRAMES
         )
         store = app.store
-        store.change("refine", replace(store.analysis, refine=True))
+        store.change("refine", store.analysis.with_fit(refine=True))
         analysis = store.analysis.without_result()
         tasks: dict[str, Task[Any]] = {
             "a fit": Identify(analysis), "a diagnosis": Diagnose(analysis, None, apply=True),
@@ -251,7 +235,7 @@ def memory(minutes: float) -> None:
         while time.monotonic() - begin < 60.0 * minutes:
             time.sleep(1.0)
             at.append((time.monotonic() - begin) / 3600.0)
-            held.append(memory_of(process.pid))
+            held.append(psutil.Process(process.pid).memory_info().rss / 1e6)
         stop.set()
         page.join()
     settled = slice(len(at) // 5, None)

@@ -7,12 +7,14 @@ face.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import sys
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import Annotated
+
+from benchmarks.command import command
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "flexviz"
@@ -152,10 +154,8 @@ def walk(stops: tuple[tuple[str, str], ...]) -> str:
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{STYLE}{body}\n</svg>\n'
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.architecture", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="renew the pictures in docs/images")
-    options = parser.parse_args()
+@command
+def main(*, write: Annotated[bool, "renew the pictures in docs/images"] = False) -> int:
     graph, lines, bypasses = arrows()
     try:
         height = levels(graph)
@@ -168,7 +168,7 @@ def main() -> int:
         f"{sum(lines.values()):,} lines in {len(lines)} packages and modules; {len(bypasses)} faces bypassed"
     )
     print(*bypasses, sep="\n")
-    if options.write:
+    if write:
         (IMAGES / "packages.svg").write_text(svg(graph, lines), encoding="utf-8")
         for name, stops in WALKS.items():
             (IMAGES / f"{name}.svg").write_text(walk(stops), encoding="utf-8")

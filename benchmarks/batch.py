@@ -9,7 +9,6 @@ The exit code is 1 if a claim does not hold.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -23,9 +22,11 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Literal
 
 import psutil
 
+from benchmarks.command import command
 from flexviz.batch import ClusterChoice, read_batch, spread
 from flexviz.measurements import overview
 from flexviz.resources import sessions_dir
@@ -213,15 +214,10 @@ def report(claims: dict[str, bool]) -> bool:
     return all(claims.values())
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    commands = {"faults": faults, "speed": speed, "schedule": schedule}
-    parser.add_argument("command", choices=commands)
-    command = parser.parse_args().command
+@command
+def main(what: Literal["faults", "speed", "schedule"]) -> int:
     with tempfile.TemporaryDirectory() as folder:
-        return 0 if commands[command](Path(folder)) else 1
+        return 0 if {"faults": faults, "speed": speed, "schedule": schedule}[what](Path(folder)) else 1
 
 
 if __name__ == "__main__":

@@ -7,12 +7,10 @@ The exit code is 1 if the app stops answering, writes a traceback or does not en
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import itertools
 import os
 import random
-import re
 import signal
 import subprocess
 import sys
@@ -27,10 +25,13 @@ from typing import Any
 
 import msgpack
 import numpy as np
+import psutil
 import zstandard
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Subprotocol
+
+from benchmarks.command import command
 
 PROTOCOL = Subprotocol("viser-v1.1.1")
 SHARES = {"idle": 0.6, "deaf": 0.05, "hostile": 0.2, "restless": 0.15}
@@ -186,20 +187,8 @@ async def changes(one: Page, other: Page, count: int, pause: float) -> list[floa
 
 def memory(process: int) -> float:
     """Resident memory of a process and its children [MB]."""
-    total = 0.0
-    for number in [process, *children(process)]:
-        with suppress(OSError):
-            text = Path(f"/proc/{number}/status").read_text()
-            total += int(re.findall(r"VmRSS:\s+(\d+)", text)[0]) / 1024
-    return total
-
-
-def children(process: int) -> list[int]:
-    found = []
-    for task in Path(f"/proc/{process}/task").iterdir():
-        with suppress(OSError):
-            found += [int(number) for number in (task / "children").read_text().split()]
-    return found
+    family = [psutil.Process(process), *psutil.Process(process).children(recursive=True)]
+    return sum(one.memory_info().rss for one in family) / 1e6
 
 
 def said(title: str, seconds: list[float], process: int) -> None:
@@ -243,12 +232,9 @@ async def crowded(url: str, process: int, clients: int, seconds: float) -> list[
         return [*alone, *among, *after]
 
 
-def main() -> int:
+@command
+def main(*, clients: int = 200, seconds: float = 30.0) -> int:
     """Serve, crowd, end."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--clients", type=int, default=200)
-    parser.add_argument("--seconds", type=float, default=30.0)
-    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, Path(folder, "log").open("w+") as log:
         server = subprocess.Popen(
             [sys.executable, "-P", "-m", "flexviz", "serve", "--no-browser", "--port", "0"],
@@ -258,7 +244,7 @@ def main() -> int:
         try:
             assert server.stdout is not None
             url = server.stdout.readline().split(" at ")[1].split()[0]
-            seconds = asyncio.run(crowded(url, server.pid, given.clients, given.seconds))
+            seen = asyncio.run(crowded(url, server.pid, clients, seconds))
             begin = time.perf_counter()
             server.send_signal(signal.SIGTERM)
             code = server.wait(ENDING)
@@ -270,7 +256,7 @@ def main() -> int:
     tracebacks = sum(line.startswith("Traceback") for line in lines)
     print(f"log: {len(lines)} lines, {tracebacks} tracebacks")
     print("\n".join(line[:200] for line in (lines if tracebacks else lines[:LOG])))
-    return int(bool(tracebacks) or not np.isfinite(seconds).all())
+    return int(bool(tracebacks) or not np.isfinite(seen).all())
 
 
 if __name__ == "__main__":

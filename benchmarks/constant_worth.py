@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.kept_results import say, write
+from benchmarks.running import say, write
 
 FACTORS = (0.5, 2.0)
 SCRIPT = Path(__file__).with_name("changed_constant.py")

@@ -11,13 +11,17 @@ listed apart.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from typer import BadParameter
+
+from benchmarks.command import command
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path("flexviz") / "diagnosis"
@@ -148,28 +152,26 @@ def report(tree: Path) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str]) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.constants",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("what", nargs="?", choices=("count", "worth"), default="count")
-    parser.add_argument("sets", nargs="*", type=Path, metavar="SET", help="measurement sets, of `worth`")
-    parser.add_argument("--tree", type=Path, default=ROOT, metavar="DIR", help="another checkout, of `count`")
-    parser.add_argument("--work", type=Path, metavar="DIR", help="keeps what `worth` has found")
-    parser.add_argument("--command", default=sys.executable, metavar="PYTHON", help="that has the version")
-    parser.add_argument("--only", default="", metavar="TEXT", help="constants with TEXT in their names")
-    options = parser.parse_args(arguments)
-    if options.what == "count":
-        print(report(options.tree))
-        return
-    if options.work is None or not options.sets:
-        parser.error("worth needs --work DIR and a SET")
+@command
+def main(
+    what: Annotated[Literal["count", "worth"], "what to do"] = "count",
+    sets: Annotated[list[Path] | None, "measurement sets, of `worth`"] = None,
+    *,
+    tree: Annotated[Path, "another checkout, of `count`"] = ROOT,
+    work: Annotated[Path | None, "keeps what `worth` has found"] = None,
+    command: Annotated[str, "of `worth`: the Python that has the version"] = sys.executable,
+    only: Annotated[str, "constants with this text in their names"] = "",
+) -> int:
+    if what == "count":
+        print(report(tree))
+        return 0
+    if work is None or not sets:
+        raise BadParameter("worth needs --work DIR and a SET")
     from benchmarks.constant_worth import measure
 
-    print(measure(shlex.split(options.command), options.sets, options.work, options.only))
+    print(measure(shlex.split(command), sets, work, only))
+    return 0
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main())

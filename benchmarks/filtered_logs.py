@@ -1,16 +1,14 @@
-"""Logs that were filtered before they were written: `python -m benchmarks.filtered_logs make --work DIR`.
+"""Logs that were filtered before they were written, for `benchmarks.measuring_stick`.
 
 Robots of `benchmarks.robotlike_study`, planar arms and UR5 in turn, each with three to eight hidden effects
-and none that no library has. Position and torque of every group pass the same filter at the recorded rate,
+and no unmodelled torque. Position and torque of every group pass the same filter at the recorded rate,
 so the noise floor lies far below what a model leaves. DIR/cases are the sets, DIR/truth what is hidden in
 them: the shares are those of the unfiltered record. What is there is not made again.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from benchmarks.diagnosis_study.cases import generator
-from benchmarks.kept_results import say
 from benchmarks.robotlike_study.cases import RobotCase
-from benchmarks.robotlike_study.making import is_made, plan_of, write_case
+from benchmarks.robotlike_study.making import plan_of, write_case
+from benchmarks.running import is_made, say
 from flexviz.simulation import Plan, Run
 
 Array = NDArray[np.float64]
@@ -33,15 +31,15 @@ HERTZ = (5.0, 20.0)  # half-power frequencies
 HALF_POWER_WINDOW = 0.443  # length of a moving average [s] times its half-power frequency [Hz]
 
 
-def butterworth(signal: Array, rate: float, hertz: float) -> Array:
-    """Zero-phase Butterworth of second order, as in a script that prepares a data set.
+def butterworth(signal: Array, rate: float, hertz: float, order: int = 2) -> Array:
+    """Zero-phase Butterworth, as in a script that prepares a data set.
 
     Args:
         signal: shape (N, n).
         rate: of the samples [Hz].
         hertz: where half of the power is left; run forwards and backwards, a quarter.
     """
-    return sosfiltfilt(butter(2, hertz, fs=rate, output="sos"), signal, axis=0)
+    return sosfiltfilt(butter(order, hertz, fs=rate, output="sos"), signal, axis=0)
 
 
 def low_pass(signal: Array, rate: float, hertz: float) -> Array:
@@ -112,20 +110,6 @@ def hidden(plan: Plan) -> int:
 def make(work: Path, seed: int, count: int = COUNT) -> None:
     """Simulate and write the sets that are not there."""
     for k, one in enumerate(planned(seed, count), 1):
-        if not is_made(work, one.case):
+        if not is_made(work, one.case.name):
             write_case(work, one.case, one.plan, logged=one.logged)
         say(f"{k}/{count} {one.case.name}: {hidden(one.plan)} effects")
-
-
-def main(arguments: Sequence[str]) -> None:
-    parser = argparse.ArgumentParser(description="Simulated sets whose logs were filtered.")
-    parser.add_argument("command", choices=["make"])
-    parser.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder of sets and truths")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--count", type=int, default=COUNT)
-    options = parser.parse_args(arguments)
-    make(options.work, options.seed, options.count)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -14,14 +14,12 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.csv as pacsv
-
-from benchmarks.fuzz_readers import columns
+from benchmarks.command import command
+from benchmarks.fuzz_readers import make_mapping
 from flexviz.cli import main as flexviz
 from flexviz.errors import FlexvizError
 from flexviz.files import ABANDONED, PART, remove_leftovers
@@ -29,10 +27,8 @@ from flexviz.measurements import read_set
 from flexviz.recording import TruncatedRecording, check_recording, repair_recording
 from flexviz.results import read_result
 from flexviz.robot import Robot
-from tests import import_data
 from tests.small_set import write_small_set
 
-KILLS = 100
 SEED = 5
 TIMEOUT = 120.0  # [s] for one command
 OLD = "what was there before"
@@ -68,7 +64,7 @@ def complete_export(folder: Path) -> None:
     Robot.load(urdf)
 
 
-EXPORT = ("export", "set", "--to", "urdf", "--to", "json", "--out")
+RECORD = Command(("record", "set", "--out"), "recorded.rrd", complete_recording, 0.2)
 COMMANDS = (
     Command(("identify", "set", "--json"), "identified.json", read_result, 0.25),
     Command(("diagnose", "set", "--json"), "diagnosed.json", read_result, 0.05),
@@ -77,19 +73,15 @@ COMMANDS = (
         ("export", "set", "--to", "urdf", "--to", "json", "--out"), "exported", complete_export, 0.2, False
     ),
     Command(("report", "set", "--out"), "report.html", complete_page, 0.05),
-    Command(("record", "set", "--out"), "recorded.rrd", complete_recording, 0.2),
+    RECORD,
 )
 
 
 def prepare() -> None:
     """A small set and a log to import, in the current folder."""
     write_small_set(Path("set"))
-    log = Path("log")
-    log.mkdir()
-    import_data.write_robot(log)
-    pacsv.write_csv(pa.table(columns()), log / "a.csv")
-    theta, tau = '{ from = "theta#", unit = "rad" }', '{ from = "tau#", unit = "Nm" }'
-    import_data.write_mapping(log, ["a.csv"], theta, tau, time='column = "time"')
+    Path("log").mkdir()
+    make_mapping(Path("log"))
 
 
 def start(command: Command) -> int:
@@ -139,9 +131,13 @@ def problem(command: Command, out: Path) -> tuple[str, str]:
     return "a new result", ""
 
 
-def main() -> int:
-    """Kill, look, count."""
-    kills = int(sys.argv[1]) if len(sys.argv) > 1 else KILLS
+@command
+def main(kills: int = 100) -> int:
+    return kill_all({command: round(command.share * kills) for command in COMMANDS})
+
+
+def kill_all(counts: Mapping[Command, int]) -> int:
+    """Kill each command so many times, look, count; 1 if something is wrong."""
     rng = random.Random(SEED)
     wrong: list[str] = []
     with tempfile.TemporaryDirectory() as temporary:
@@ -149,7 +145,7 @@ def main() -> int:
         Path("out").mkdir()
         Path("done").mkdir()
         prepare()
-        for command in COMMANDS:
+        for command, kills in counts.items():
             clear(command)
             begin = time.monotonic()
             if not ended(start(command), TIMEOUT):
@@ -157,7 +153,7 @@ def main() -> int:
             whole = time.monotonic() - begin
             command.check(Path("out", command.out))
             found: Counter[str] = Counter()
-            for kill in range(round(command.share * kills)):
+            for kill in range(kills):
                 out = clear(command)
                 before = set(Path("out").iterdir())
                 child = start(command)

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import command
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.resources import sessions_dir
 from flexviz.session import Session, open_session, save_session
 
-KILLS = 20
 SEED = 5
 
 
@@ -88,14 +88,14 @@ def check(folder: Path, last: int) -> str:
     return ""
 
 
-def main() -> int:
+@command
+def main(kills: int = 20) -> int:
     """Kill, open, count."""
-    kills = int(sys.argv[1]) if len(sys.argv) > 1 else KILLS
     choose = random.Random(SEED)
     measurements = read_set(sessions_dir() / "planar-2r-demo")
     session = Session.of(measurements)
     analysis = session.analysis
-    result = identify(measurements, max_iterations=1)
+    result = identify(measurements, max_iterations=1, refine=False)
     session = session.then("identified", analysis.with_identification(result, analysis.settings))
     wrong: list[str] = []
     with tempfile.TemporaryDirectory() as temporary:

@@ -1,7 +1,8 @@
-"""`python -m benchmarks.law_page OUT.html`: the law of every effect through its data, to look at.
+"""`python -m benchmarks.law_page OUT.html [--write]`: the law of every effect through its data, to look at.
 
 From one simulated set per effect, the one of `tests/test_laws.py`, with the right model and with a wrong one.
-Beside each picture: mean square of data − law relative to the noise.
+Beside each picture: mean square of data − law relative to the noise. `--write` makes the pictures of the
+right models anew that the effects' pages show.
 """
 
 from __future__ import annotations
@@ -11,8 +12,12 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
+from benchmarks.command import command
+from benchmarks.effect_pages.pages import LAWS
 from flexviz.charts import Chart
+from flexviz.charts.svg import FILE, draw_svg
 from flexviz.effects import EFFECTS
 from flexviz.laws import LawThroughData
 from flexviz.report import ReportDocument, Section, html
@@ -41,13 +46,23 @@ def drawn(key: str, law: LawThroughData) -> Chart:
     return replace(chart, key=key, title=chart.title.partition(":")[0], note=note)
 
 
-def main(words: list[str]) -> int:
-    out = Path(words[0])
-    sections = [Section("Right model, and a wrong one", [Figures(list(charts()), columns=2)])]
+@command
+def main(
+    out: Annotated[Path, "the page"],
+    *,
+    write: Annotated[bool, f"write {LAWS.parent.name}/{LAWS.name}, too"] = False,
+) -> int:
+    drawn = list(charts())
+    sections = [Section("Right model, and a wrong one", [Figures(drawn, columns=2)])]
     document = ReportDocument("Laws through simulated data", f"{len(EFFECTS)} effects", [], sections, "")
     out.write_text(html(document), encoding="utf-8")
+    if write:
+        LAWS.mkdir(parents=True, exist_ok=True)
+        for chart in drawn:
+            if chart.key in EFFECTS:
+                (LAWS / f"{chart.key}.svg").write_text(draw_svg(chart, chart.key, FILE), encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -11,34 +11,35 @@ import sys
 import tomllib
 from email.message import Message
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from typing import cast
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from benchmarks.command import command
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "licences.md"
 LONGEST = 60  # characters: longer ones are a licence's whole text
 HEAD = """# Licences
 
-flexviz is under the Apache License 2.0. An installation with the
-extra `batch` brings these packages along; the second column is what each says of itself.
+flexviz is under the Apache License 2.0. An installation with all
+extras brings these packages along, under the licence that each states of itself.
 `python -m benchmarks.licences --write` renews the list.
 
-| package | licence |
-|---|---|
 """
 
 
 def packages() -> list[str]:
-    """The names of all packages that flexviz and its extra `batch` need on this machine, directly or not."""
+    """The names of all packages that flexviz and its extras need on this machine, directly or not."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    waiting = [*project["dependencies"], *project["optional-dependencies"]["batch"]]
+    waiting = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
     found: set[str] = set()
     while waiting:
         one = Requirement(waiting.pop())
-        if (name := canonicalize_name(one.name)) in found:
+        if (name := canonicalize_name(one.name)) in {*found, "flexviz"}:
             continue
         found.add(name)
         for text in metadata.requires(name) or ():
@@ -61,10 +62,18 @@ def licence(name: str) -> str:
 
 def page() -> str:
     """docs/licences.md."""
-    return HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in packages())
+    found: dict[str, list[str]] = {}
+    for name in packages():
+        found.setdefault(licence(name), []).append(name)
+    return HEAD + "".join(f"- **{text}**: {', '.join(found[text])}\n" for text in sorted(found))
+
+
+@command
+def main(*, write: bool = False) -> None:
+    if write:
+        PAGE.write_text(page(), encoding="utf-8")
+    print(page())
 
 
 if __name__ == "__main__":
-    if "--write" in sys.argv[1:]:
-        PAGE.write_text(page(), encoding="utf-8")
-    print(page())
+    sys.exit(main())

@@ -9,20 +9,18 @@ with all steps runs in a process of its own; prints one line per set. `--work` k
 
 from __future__ import annotations
 
-import argparse
-import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated
 
 import numpy as np
 
+from benchmarks.command import command
+from benchmarks.running import alone, peak_megabytes
 from flexviz.diagnosis import diagnose
 from flexviz.measurements import read_set
 from flexviz.progress import Progress
@@ -30,7 +28,6 @@ from flexviz.simulation import Plan, inject, make_plan, random_fourier, simulate
 
 HIDDEN = {"friction": ("coulomb_friction:panda_joint2", "coulomb_friction:panda_joint4"), "clean": ()}
 PERIOD = 12.0  # [s] of the preset's motions, which have six harmonics
-T = TypeVar("T")
 HEAD = "| set | found | last verdict | CPU [s] | MB |\n|---|---|---|---|---|"
 
 
@@ -78,34 +75,22 @@ def examine(folder: Path, verbose: bool) -> str:
     return f"| {folder.name} min | {found} | {last} | {seconds:.0f} | {peak_megabytes():.0f} |"
 
 
-def peak_megabytes() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
-def alone(work: Callable[..., T], *arguments: object) -> T:
-    """The result of some work in a process of its own."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(work, *arguments).result()
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description="Memory and time of a diagnosis by the length of its records."
-    )
-    parser.add_argument("--work", type=Path, metavar="DIR", help="keep the simulated sets here")
-    parser.add_argument("--minutes", default="1,2,5,10", help="total lengths of the records")
-    parser.add_argument("--hidden", choices=sorted(HIDDEN), nargs="*", default=list(HIDDEN))
-    parser.add_argument("--verbose", action="store_true", help="print the progress with time and memory")
-    arguments = parser.parse_args()
+@command
+def main(
+    *,
+    work: Annotated[Path | None, "keep the simulated sets here"] = None,
+    minutes: Annotated[str, "total lengths of the records"] = "1,2,5,10",
+    hidden: Annotated[list[str], "all by default", HIDDEN] = list(HIDDEN),  # noqa: B006
+    verbose: Annotated[bool, "print the progress with time and memory"] = False,
+) -> None:
     with tempfile.TemporaryDirectory() as temporary:
-        work = arguments.work or Path(temporary)
         print(HEAD, flush=True)
-        for kind in arguments.hidden:
-            for minutes in map(float, arguments.minutes.split(",")):
+        for kind in hidden:
+            for length in map(float, minutes.split(",")):
                 # in a process each: a process begins with the largest memory of the one that started it
-                folder = alone(made, work, minutes, kind)
-                print(alone(examine, folder, arguments.verbose), flush=True)
+                folder = alone(made, work or Path(temporary), length, kind)
+                print(alone(examine, folder, verbose), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

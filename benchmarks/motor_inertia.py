@@ -7,13 +7,15 @@ acceleration: an error of the recording, which no method can avoid.
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from benchmarks.command import command
+from benchmarks.peers.sets import planar_inertial
+from benchmarks.running import read
 from flexviz import diagnose, make_observer, read_set
 from flexviz.equation import Equation, build_signals, layout_of
 from flexviz.measurements import MeasurementSet
@@ -28,11 +30,7 @@ def left_at_truth(measurements: MeasurementSet, truth: dict[str, Any]) -> np.nda
     signals = build_signals(
         measurements, measurements.groups, observer, sample_step=STEP, exact_step=True, drop=(EDGE, EDGE)
     )
-    layout, given = layout_of(measurements, []), truth["inertial_2r"]
-    links = np.zeros((2, 10))  # mass, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz; the joints' axis is −y
-    links[1, 0] = given["m2"]
-    for k in (1, 2):
-        links[k - 1, [1, 3, 6]] = given[f"mx{k}"], given[f"my{k}"], given[f"Izz{k}"]
+    layout, links = layout_of(measurements, []), planar_inertial(truth["inertial_2r"])
     x = np.zeros(layout.size)
     x[layout.inertial] = links.ravel()
     x[layout.compliance] = 1 / np.array(truth["stiffness"])
@@ -45,14 +43,12 @@ def left_at_truth(measurements: MeasurementSet, truth: dict[str, Any]) -> np.nda
     return np.sum(residual * acceleration, axis=0) / np.sum(acceleration**2, axis=0)
 
 
-def main() -> None:
+@command
+def main(practice: Annotated[Path, "folder with cases/ and truth/"]) -> None:
     """Print a line per set."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("practice", type=Path, help="folder with cases/ and truth/")
-    folder = parser.parse_args().practice
-    for file in sorted((folder / "truth").glob("2r-*.json")):
-        truth = json.loads(file.read_text(encoding="utf-8"))
-        measurements = read_set(folder / "cases" / file.stem)
+    for file in sorted((practice / "truth").glob("2r-*.json")):
+        truth = read(file)
+        measurements = read_set(practice / "cases" / file.stem)
         found = diagnose(measurements, apply=True)
         texts = []
         for joint, right in zip(truth["joints"], truth["motor_inertia"], strict=True):
@@ -66,4 +62,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,7 +11,6 @@ tried again. `code_changes.py` says what is left alone.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import importlib
 import importlib.machinery
@@ -29,12 +28,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import coverage
 import pytest
 
 from benchmarks.code_changes import Changer
+from benchmarks.command import command
 
 ROOT = Path(__file__).parents[1]
 TESTS = {
@@ -243,7 +243,7 @@ class Tests:
 
 
 def try_all(
-    package: str, chosen: list[Mutant], known: dict[str, Any], keep: Callable[[], None]
+    package: str, chosen: list[Mutant], known: dict[str, Any], keep: Callable[[], object]
 ) -> Counter[str]:
     """Each mutant once; survivors are printed."""
     tests, counts = Tests(package), Counter[str]()
@@ -259,25 +259,22 @@ def try_all(
     return counts
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("packages", nargs="*", choices=list(TESTS), default=list(TESTS))
-    parser.add_argument("--count", type=int, default=200, help="mutants per package")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=ROOT / "build" / "mutants.json")
-    options = parser.parse_args(arguments)
-    known = json.loads(options.out.read_text()) if options.out.exists() else {}
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    for package in options.packages:
-        chosen = mutants(package, options.count, options.seed)
-        counts = try_all(
-            package, chosen, known, lambda: options.out.write_text(json.dumps(known, indent=0)) and None
-        )
+@command
+def main(
+    packages: Annotated[list[str], "all by default", TESTS] = list(TESTS),  # noqa: B006
+    *,
+    count: Annotated[int, "mutants per package"] = 200,
+    seed: int = 1,
+    out: Path = ROOT / "build" / "mutants.json",
+) -> None:
+    known = json.loads(out.read_text()) if out.exists() else {}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for package in packages:
+        chosen = mutants(package, count, seed)
+        counts = try_all(package, chosen, known, lambda: out.write_text(json.dumps(known, indent=0)))
         share = 100 * counts["caught"] / len(chosen)
         print(f"{package}: {len(chosen)} tried, {counts['caught']} caught ({share:.0f} %)", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

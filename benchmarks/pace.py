@@ -8,11 +8,12 @@ time left that was told from the first third on held, in processor time: a busy 
 
 from __future__ import annotations
 
-import argparse
 import math
+import sys
 import time
 from pathlib import Path
 
+from benchmarks.command import command
 from flexviz.diagnosis import diagnose
 from flexviz.measurements import read_set
 from flexviz.progress import Pace, Progress
@@ -36,14 +37,11 @@ def told(folder: Path) -> list[tuple[float, str]]:
     return [(at - began, text) for at, text in [*news, (time.process_time(), "end")]]
 
 
-def main() -> None:
+@command
+def main(sets: list[Path]) -> None:
     """Print shares and judgements."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("sets", type=Path, nargs="+", metavar="SET")
     held = close = count = 0
-    for folder in parser.parse_args().sets:
+    for folder in sets:
         news = told(folder)
         whole = news[-1][0]
         shares = {}
@@ -69,4 +67,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -13,15 +13,16 @@ part of this project; their authors' terms apply.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.command import command
 from benchmarks.peers.prepare import moving_urdf
 from flexviz.measurements import GroupTable, write_set
 
@@ -132,11 +133,8 @@ def write(name: str, source: Source, work: Path) -> Path:
     )  # fmt: skip
 
 
-def main(arguments: Sequence[str]) -> None:
-    parser = argparse.ArgumentParser(description="Measurement sets of robots from public recordings.")
-    parser.add_argument("command", choices=["make"])
-    parser.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder of the clones")
-    work = parser.parse_args(arguments).work
+@command
+def main(what: Literal["make"], *, work: Annotated[Path, "folder of the clones"]) -> None:
     for name, source in SOURCES.items():
         if (work / source.repository).is_dir():
             print(write(name, source, work))
@@ -145,4 +143,4 @@ def main(arguments: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""Rigid least squares with the same friction terms, for comparison: `python -m benchmarks.rigid SET`.
+"""Rigid least squares with the same friction terms, for the comparison of `benchmarks.gallery`.
 
 The usual inverse dynamic model τ = Y(θ, θ̇, θ̈) Γ + B θ̈ + f_v θ̇ + f_c sign(θ̇) by least squares weighted per
 joint, with the same zero-phase filter and the same samples as the flexible model. Two ways to treat what the
@@ -8,22 +8,19 @@ counts.
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.real import MOVING
 from flexviz.effects import choose_effects
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.link import LinkDynamics
 from flexviz.estimation.base_inertials import base_parameters
-from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.identification import Identification
+from flexviz.measurements import MeasurementSet
 from flexviz.observers import make_observer
 
 Array = NDArray[np.float64]
-
-MOVING = 0.01  # [rad/s] slower samples say nothing about friction
 
 
 def rigid_held_out(measurements: MeasurementSet, flexible: Identification) -> tuple[Array, Array]:
@@ -98,20 +95,3 @@ def weighted_least_squares(columns: Array, torque: Array, centre: Array, spread:
 def _relative(residual: Array, moving: NDArray[np.bool_], raw: Array) -> Array:
     size = np.sqrt((residual**2 * moving).sum(axis=0) / moving.sum(axis=0))
     return size / raw.std(axis=0)
-
-
-def main() -> None:
-    measurements = read_set(sys.argv[1])
-    effects = sys.argv[2:] or ["coulomb_friction"]
-    print("held-out rms ÷ standard deviation of the torque, motion above 0.01 rad/s; mean and each joint")
-    for refine in (False, True):
-        result = identify(measurements, effects=effects, refine=refine)
-        flexible, rigid = rigid_held_out(measurements, result)
-        label = "flexible, refined" if refine else "flexible, plain"
-        print(f"{label:18s} {flexible.mean():.4f}  {np.round(flexible, 3)}")
-        ratio = flexible.mean() / rigid.mean()
-        print(f"{'rigid':18s} {rigid.mean():.4f}  {np.round(rigid, 3)}   ratio {ratio:.3f}")
-
-
-if __name__ == "__main__":
-    main()

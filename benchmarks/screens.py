@@ -7,13 +7,13 @@ is wrong with the picture of the robots. Ends with 1 if anything is.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from benchmarks.app import served
+from benchmarks.command import command
 from tests.browser.boxes import overlaps, robots_in_view
 from tests.browser.page import (
     CHROMIUM,
@@ -76,24 +76,23 @@ def wrong_on(page: Any, robots: bool) -> list[str]:
     return overlaps(page) + (robots_in_view(page) if robots else [])
 
 
-def main(words: list[str] | None = None) -> int:
-    commands = argparse.ArgumentParser(prog="python -m benchmarks.screens", description=__doc__)
-    commands.add_argument("--work", type=Path, required=True, help="the folder for the pictures")
-    commands.add_argument(
-        "--set", type=Path, action="append", default=[], help="a set beside the bundled one"
-    )
-    chosen = commands.parse_args(words)
-    chosen.work.mkdir(parents=True, exist_ok=True)
+@command
+def main(
+    *,
+    work: Annotated[Path, "the folder for the pictures"],
+    set: Annotated[list[Path], "a set besides the bundled one"] = [],  # noqa: B006
+) -> int:
+    work.mkdir(parents=True, exist_ok=True)
     from playwright.sync_api import sync_playwright
 
     wrong: list[str] = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        for folder in (None, *chosen.set):
+        for folder in (None, *set):
             with served(*([] if folder is None else [str(folder.resolve())])) as (_, address):
                 for dark in (False, True):
                     name = "bundled" if folder is None else folder.name
-                    wrong += pictures(browser, address, name, chosen.work, dark)
+                    wrong += pictures(browser, address, name, work, dark)
         browser.close()
     print(f"{len(wrong)} overlaps or robots out of view")
     return int(bool(wrong))

@@ -1,4 +1,4 @@
-"""A servo that swings a pendulum: `python -m benchmarks.servo_joint make --work DIR`.
+"""A servo that swings a pendulum, for `benchmarks.measuring_stick`.
 
 One quasi-rigid joint with Coulomb and load-dependent friction, without any payload of known mass; the drawing
 of its link is 10 % wrong. Two sets:
@@ -12,25 +12,20 @@ what is hidden in them; the simulator integrates forward dynamics and shares no 
 
 from __future__ import annotations
 
-import argparse
-import sys
-import tempfile
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.kept_results import say
+from benchmarks.diagnosis_study.motions import random_motion
+from benchmarks.diagnosis_study.robots import from_urdf, stiff_groups
 from benchmarks.robotlike_study.cases import RobotCase
-from benchmarks.robotlike_study.making import integration_step, is_made, write_case
-from benchmarks.robotlike_study.motions import random_motion
-from benchmarks.robotlike_study.robots import GROUPS, RECORD
+from benchmarks.robotlike_study.making import integration_step, write_case
+from benchmarks.running import is_made, say
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import Robot
-from flexviz.simulation import PDController, Plan, PlannedGroup, Sensors, perturbed
+from flexviz.simulation import PDController, Plan, Reference, Sensors, perturbed
 
-JOINT, URDF = "servo", "robot.urdf"
+JOINT = "servo"
 STIFFNESS = 600.0  # [Nm/rad] a deflection of 1 mrad
 MOTOR_INERTIA = 0.012  # [kg m²] behind the gear
 MASS, CENTRE, INERTIA = 0.55, 0.14, 0.002  # of the pendulum [kg], [m], [kg m²] about its centre of mass
@@ -63,10 +58,8 @@ def pendulum_urdf() -> str:
 
 def plan_of(case: RobotCase, kind: str) -> Plan:
     """The joint with its motions and what is hidden in it."""
-    rng, text = case.rng("servo"), pendulum_urdf()
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / URDF).write_text(text, encoding="utf-8")
-        robot = Robot.load(URDF, base=Path(folder))
+    rng = case.rng("servo")
+    robot, source, files = from_urdf(pendulum_urdf())
     effects = [
         EffectValue("coulomb_friction", JOINT, {"coulomb": COULOMB}),
         EffectValue("load_dependent_friction", JOINT, {"coefficient": LOAD_COEFFICIENT}),
@@ -83,32 +76,24 @@ def plan_of(case: RobotCase, kind: str) -> Plan:
         tuple(effects),
     )
     centre, reach = np.array([MIDDLE]), np.array([REACH])
-    groups = tuple(
-        PlannedGroup(
-            name,
-            trajectory,
-            "none",
-            random_motion(robot, rng, centre=centre, reach=reach, duration=case.duration),
-            case.duration,
-            RECORD,
-            validation=name == GROUPS[-1][0],
-        )
-        for name, trajectory, _ in GROUPS
-    )
+
+    def motion() -> Reference:
+        return random_motion(robot, rng, centre=centre, reach=reach, duration=case.duration)
+
     load, pulse = MOTOR_INERTIA + INERTIA + MASS * CENTRE**2, 2 * np.pi * HERTZ
     plan = Plan(
         name=case.robot,
         robot=robot,
-        source=URDF,
+        source=source,
         model=model,
         payloads={"none": ()},
-        groups=groups,
+        groups=stiff_groups(motion, case.duration, "none"),
         controller=PDController(np.array([load * pulse**2]), np.array([1.6 * load * pulse]), CYCLE),
         sensors=Sensors(torque_noise=TORQUE_NOISE, resolution=ENCODER_STEP, torque_resolution=TORQUE_STEP),
         initial_stiffness=np.array([STIFFNESS * float(np.exp(rng.uniform(-0.5, 0.5)))]).round(),
         initial_motor_inertia=np.array([MOTOR_INERTIA * float(np.exp(rng.uniform(-0.3, 0.3)))]).round(4),
         extra=False,
-        files={URDF: text},
+        files=files,
     )
     return replace(plan, step=integration_step(plan))
 
@@ -117,19 +102,6 @@ def make(work: Path, seed: int) -> None:
     """Simulate and write the sets that are not there."""
     for kind in KINDS:
         case = RobotCase(f"servo{seed}-{kind}", "servo", seed)
-        if not is_made(work, case):
+        if not is_made(work, case.name):
             write_case(work, case, plan_of(case, kind))
         say(case.name)
-
-
-def main(arguments: Sequence[str]) -> None:
-    parser = argparse.ArgumentParser(description="Two sets of a servo that swings a pendulum.")
-    parser.add_argument("command", choices=["make"])
-    parser.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder of sets and truths")
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(arguments)
-    make(options.work, options.seed)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -7,18 +7,22 @@ each set are low-passed by four filters at 5, 10 and 20 Hz, and those not recogn
 
 from __future__ import annotations
 
-import argparse
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import butter, lfilter, sosfilt, sosfilt_zi, sosfiltfilt
+from scipy.signal import lfilter
 
+from benchmarks import filtered_logs
+from benchmarks.command import command
+from benchmarks.filtered_logs import low_pass, moving_average
+from benchmarks.real import sets_in
 from flexviz import read_set
 from flexviz.errors import InputError
-from flexviz.measurements import FILE_NAME, Segment
+from flexviz.measurements import Segment
 from flexviz.noise import check_signals, filtered_before_writing
 
 HERTZ = (5.0, 10.0, 20.0)
@@ -27,13 +31,7 @@ Low = Callable[[np.ndarray, float, float], np.ndarray]  # signal (N, n), rate [H
 
 def butterworth(y: np.ndarray, rate: float, hertz: float) -> np.ndarray:
     """Fourth order, forwards and backwards."""
-    return np.asarray(sosfiltfilt(butter(4, hertz, fs=rate, output="sos"), y, axis=0))
-
-
-def second_order(y: np.ndarray, rate: float, hertz: float) -> np.ndarray:
-    """Causal."""
-    sections = butter(2, hertz, fs=rate, output="sos")
-    return np.asarray(sosfilt(sections, y, axis=0, zi=sosfilt_zi(sections)[..., None] * y[:1])[0])
+    return filtered_logs.butterworth(y, rate, hertz, order=4)
 
 
 def exponential(y: np.ndarray, rate: float, hertz: float) -> np.ndarray:
@@ -44,14 +42,7 @@ def exponential(y: np.ndarray, rate: float, hertz: float) -> np.ndarray:
     return y
 
 
-def moving_average(y: np.ndarray, rate: float, hertz: float) -> np.ndarray:
-    """With this half-power frequency."""
-    count = round(0.443 * rate / hertz)
-    total = np.cumsum(np.concatenate([np.repeat(y[:1], count, axis=0), y]), axis=0)
-    return (total[count:] - total[:-count]) / count
-
-
-FILTERS: tuple[Low, ...] = (butterworth, second_order, exponential, moving_average)
+FILTERS: tuple[Low, ...] = (butterworth, low_pass, exponential, moving_average)
 
 
 def low_passed(segments: list[Segment], low: Low, hertz: float) -> list[Segment]:
@@ -61,22 +52,11 @@ def low_passed(segments: list[Segment], low: Low, hertz: float) -> list[Segment]
     ]
 
 
-def sets(paths: list[Path]) -> Iterator[Path]:
-    """The sets among the paths, and those in folders of sets."""
-    for path in paths:
-        yield from (
-            [path] if (path / FILE_NAME).exists() else sorted(f.parent for f in path.glob(f"*/{FILE_NAME}"))
-        )
-
-
-def main(arguments: list[str] | None = None) -> None:
+@command
+def main(sets: list[Path], *, filter: bool = False) -> None:
     """Print the lines and counts."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sets", nargs="+", type=Path)
-    parser.add_argument("--filter", action="store_true")
-    given = parser.parse_args(arguments)
     count = refused = recognised = tried = 0
-    for folder in sets(given.sets):
+    for folder in (one for path in sets for one in sets_in(path)):
         measurements = read_set(folder, logged=False)
         segments = [s for group in measurements.groups for s in group.segments]
         began = time.perf_counter()
@@ -89,7 +69,7 @@ def main(arguments: list[str] | None = None) -> None:
         content = "not filtered" if hertz is None else f"filtered, nothing above {hertz:.0f} Hz"
         print(f"{folder.name}: {result}; {content}; {took:.0f} ms", flush=True)
         count += 1
-        for low in FILTERS if given.filter else ():
+        for low in FILTERS if filter else ():
             for hertz in HERTZ:
                 tried += 1
                 found = filtered_before_writing(low_passed(segments, low, hertz)).hertz
@@ -102,4 +82,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import command
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue, FlexibleModel
@@ -151,7 +152,8 @@ def line(
     )  # fmt: skip
 
 
-def main(folder: Path, names: list[str]) -> None:
+@command
+def main(folder: Path, names: list[str] = []) -> None:  # noqa: B006
     print("case | verdict | first named | tied with | missed | false | error | last verdict | CPU s")
     for k, name in enumerate(CASES):
         if names and name not in names:
@@ -177,4 +179,4 @@ def main(folder: Path, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])
+    sys.exit(main())

@@ -11,7 +11,7 @@ Simulated two-joint arms, identified and refined, against the known truth:
 
 from __future__ import annotations
 
-import argparse
+import sys
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.command import command
 from flexviz.equation import Equation, build_signals, layout_of
 from flexviz.estimation import Bounds, Prior, Solved, TwoBandData, Whitening, solve, start_values
 from flexviz.identification import identify, parameter_estimates
@@ -63,7 +64,7 @@ def simulated(folder: Path, friction: float, seeds: int, fitted: tuple[str, ...]
         layout = layout_of(measurements)
         signals = build_signals(measurements, measurements.fit_groups, make_observer("flat-zero-phase", 40.0))
         start = start_values(measurements, Equation(measurements.robot, signals, layout))
-        x = layout.vector(identify(measurements).model)
+        x = layout.vector(identify(measurements, refine=False).model)
         out.append(Case(measurements, plan.model, start.prior, start.bounds, x))
     return out
 
@@ -124,14 +125,13 @@ def print_floors(folder: Path) -> None:
             print(f"   {value:<15g}", *(p.identifiable for p in kept))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=4)
+@command
+def main(*, seeds: int = 4) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        clean = print_noise_explains(Path(folder), parser.parse_args().seeds)
+        clean = print_noise_explains(Path(folder), seeds)
         print_spreads(clean[0])
         print_floors(Path(folder))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

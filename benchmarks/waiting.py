@@ -6,7 +6,7 @@ simulated in the background, how long *Save session* and *Report* take.
 
 from __future__ import annotations
 
-import argparse
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import psutil
 
 from benchmarks.app import served
+from benchmarks.command import command
 from tests.browser.conftest import opened
 from tests.browser.page import CHROMIUM, FLAGS, button, status, until
 
@@ -67,13 +68,11 @@ def measure(page: Any, server: int) -> None:
     print(f"{'replay':16s} {busy(server):6.2f} cores busy")
 
 
-def main() -> None:
-    commands = argparse.ArgumentParser(prog="python -m benchmarks.waiting", description=__doc__)
-    commands.add_argument("set", type=Path)
-    folder = commands.parse_args().set.resolve()
+@command
+def main(set: Path) -> None:
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as playwright, served(str(folder)) as (process, address):
+    with sync_playwright() as playwright, served(str(set.resolve())) as (process, address):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = opened(browser, [], address)
         measure(page, process.pid)
@@ -81,4 +80,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -8,7 +8,7 @@ import flexviz
 DEMO = Path(__file__).resolve().parent.parent / "sessions" / "planar-2r-demo"
 
 measurements = flexviz.read_set(sys.argv[1] if len(sys.argv) > 1 else DEMO)
-result = flexviz.identify(measurements, effects=["coulomb_friction:joint2"], refine=True)
+result = flexviz.identify(measurements, effects=["coulomb_friction:joint2"])
 
 print(result)  # one line
 print(result.summary())  # the table of `flexviz identify`

@@ -15,7 +15,7 @@ flexviz.load_effects(EFFECTS)
 folder = Path(tempfile.mkdtemp()) / "hidden"
 main(["simulate", "planar-2r", "--effect", "worm_gear_friction:joint2", "--out", str(folder)])
 
-result = flexviz.identify(flexviz.read_set(folder), effects=["worm_gear_friction:joint2"], refine=True)
+result = flexviz.identify(flexviz.read_set(folder), effects=["worm_gear_friction:joint2"])
 for name in ("forward", "backward"):
     found = result[f"worm_gear_friction.{name}", "joint2"]
     print(f"{name}: {found.value:.3f} ± {1.96 * found.std:.3f} {found.unit}")

@@ -3,7 +3,7 @@
     import flexviz
 
     measurements = flexviz.read_set("my_robot")
-    result = flexviz.identify(measurements, refine=True)
+    result = flexviz.identify(measurements, effects=["coulomb_friction"])
     print(result.summary())
     print(result["stiffness", "joint1"].value)
 
@@ -12,24 +12,29 @@ Everything named in ``__all__`` is loaded when it is first used, so ``import fle
 
 from __future__ import annotations
 
+import time
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+STARTED = time.monotonic()  # [s]
 
 _NAMES = {
     "designing": "Design DesignSettings design write_design",
     "diagnosis": "Diagnosis Finding diagnose",
     "effects": "load_effects",
-    "errors": "Cancelled ConvergenceError FlexvizError InputError",
+    "charts": "Figure",
+    "errors": "Cancelled ConvergenceError FlexvizError InputError MissingPackage",
     "exporting": "export",
-    "identification": "Identification ParameterEstimate ResidualSummary SweepResult identify sweep",
+    "identification": "FitSettings Identification SweepResult identify sweep",
     "importing": "import_logs",
+    "iteration": "Iteration",
     "measurements": "Group MeasurementSet Segment read_set write_set",
     "model": "EffectValue FlexibleModel",
-    "observers": "OBSERVERS EsoGains Observer make_observer",
+    "observers": "OBSERVERS EsoGains LiveObserver Observer make_observer",
     "parallel": "on_cores",
-    "progress": "Iteration Progress",
+    "progress": "Progress",
+    "records": "ParameterEstimate ResidualSummary",
     "results": "ParameterNotFound ResultDocument read_result",
     "robot": "PayloadBody Robot",
     "simulation": "replay simulate_run",
@@ -39,25 +44,21 @@ _WHERE = {name: f"flexviz.{module}" for module, names in _NAMES.items() for name
 _WHERE["Session"] = "flexviz.session:OpenedSession"
 
 if TYPE_CHECKING:
+    from flexviz.charts import Figure
     from flexviz.designing import Design, DesignSettings, design, write_design
     from flexviz.diagnosis import Diagnosis, Finding, diagnose
     from flexviz.effects import load_effects
-    from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError
+    from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError, MissingPackage
     from flexviz.exporting import export
-    from flexviz.identification import (
-        Identification,
-        ParameterEstimate,
-        ResidualSummary,
-        SweepResult,
-        identify,
-        sweep,
-    )
+    from flexviz.identification import FitSettings, Identification, SweepResult, identify, sweep
     from flexviz.importing import import_logs
+    from flexviz.iteration import Iteration
     from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
     from flexviz.model import EffectValue, FlexibleModel
-    from flexviz.observers import OBSERVERS, EsoGains, Observer, make_observer
+    from flexviz.observers import OBSERVERS, EsoGains, LiveObserver, Observer, make_observer
     from flexviz.parallel import on_cores
-    from flexviz.progress import Iteration, Progress
+    from flexviz.progress import Progress
+    from flexviz.records import ParameterEstimate, ResidualSummary
     from flexviz.results import ParameterNotFound, ResultDocument, read_result
     from flexviz.robot import PayloadBody, Robot
     from flexviz.session import OpenedSession as Session
@@ -73,14 +74,18 @@ __all__ = [
     "Diagnosis",
     "EffectValue",
     "EsoGains",
+    "Figure",
     "Finding",
+    "FitSettings",
     "FlexibleModel",
     "FlexvizError",
     "Group",
     "Identification",
     "InputError",
     "Iteration",
+    "LiveObserver",
     "MeasurementSet",
+    "MissingPackage",
     "Observer",
     "ParameterEstimate",
     "ParameterNotFound",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -55,7 +56,7 @@ def examine() -> Iterator[Check]:
     """Check everything."""
     yield check_python()
     yield from check_packages(metadata.requires("flexviz") or [])
-    yield from map(check_binary, BINARIES)
+    yield from map(check_binary, filter(importlib.util.find_spec, BINARIES))
     yield check_memory(available_memory(), os.cpu_count() or 1)
     yield check_disk(Path(tempfile.gettempdir()))
     yield check_port(APP_PORT)
@@ -76,7 +77,10 @@ def check_packages(wanted: list[str]) -> Iterator[Check]:
     """Packages that are missing or of another version than those that were tried, then how many fit."""
     fitting = count = 0
     for requirement in map(Requirement, wanted):
-        optional = requirement.marker is not None and "extra" in str(requirement.marker)
+        extra = re.search(r"extra == .(\w+)", str(requirement.marker))
+        optional = extra is not None
+        if requirement.name == "flexviz":  # all extras
+            continue
         if requirement.marker is not None and not optional and not requirement.marker.evaluate():
             continue
         count += not optional
@@ -85,7 +89,7 @@ def check_packages(wanted: list[str]) -> Iterator[Check]:
             version = metadata.version(requirement.name)
         except metadata.PackageNotFoundError:
             state: State = "warning" if optional else "problem"
-            use = "is needed by flexviz batch and study" if optional else "is missing"
+            use = "is missing" if extra is None else f"is left out, with all of flexviz[{extra[1]}]"
             yield Check("package", state, f'{requirement.name} {use}: pip install "{pinned}"')
             continue
         if requirement.specifier.contains(version, prereleases=True):

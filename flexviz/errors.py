@@ -7,6 +7,8 @@ line turns each class into an exit code (`FlexvizError.exit_code`).
 from __future__ import annotations
 
 import difflib
+import importlib.util
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -37,6 +39,28 @@ class InputError(FlexvizError, ValueError):
         self.place = place
         where = ", ".join(part for part in (one_line(self.file or "", 300), place) if part)
         super().__init__(f"{where}: {self.message}" if where else self.message)
+
+
+class MissingPackage(FlexvizError, ImportError):
+    """A package that only some functions need is not installed; the message says how to install it."""
+
+    exit_code = 2
+
+
+EXTRAS = {"viser": "app", "rerun": "recording", "rosbags": "import", "distributed": "batch"}
+"""Module that an extra of flexviz brings -> the extra."""
+
+
+def require_extra(module: str, purpose: str) -> None:
+    """MissingPackage naming the extra to install, unless `module` can be imported; `purpose` needs it."""
+    require_package(module, purpose, f"flexviz[{EXTRAS[module]}]")
+
+
+def require_package(module: str, purpose: str, install: str) -> None:
+    """MissingPackage unless `module` can be imported: `purpose` needs it, `install` is what pip takes."""
+    if sys.modules.get(module) is None and importlib.util.find_spec(module) is None:
+        message = f"{purpose} needs {module}, which is not installed: pip install '{install}'"
+        raise MissingPackage(message, name=module)
 
 
 class ConvergenceError(FlexvizError):
@@ -70,5 +94,6 @@ def choose_from(found: str, valid: Iterable[str], limit: int = 12) -> str:
     if not names:
         return "there is nothing to choose from"
     shown = ", ".join(names[:limit]) + (f", … ({len(names)} in all)" if len(names) > limit else "")
-    guess = difflib.get_close_matches(str(found), names, n=1, cutoff=0.6)
-    return (f'did you mean "{guess[0]}"? ' if guess else "") + f"valid: {shown}"
+    words = {word: name for name in reversed(names) for word in (*name.split("_"), name)}
+    guess = difflib.get_close_matches(str(found)[:80], words, n=1, cutoff=0.6)
+    return (f'did you mean "{words[guess[0]]}"? ' if guess else "") + f"valid: {shown}"

@@ -5,7 +5,8 @@ thread, which avoids copying the result.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
 a single BLAS thread and a lower priority, and exits when the pipe closes. A task may share its work with
-copies of the child (`flexviz.parallel`), which end with it. `in_children` registers preparations for it.
+forked processes of the child (`flexviz.parallel`), which end with it. `in_children` registers preparations
+for it. A `ProcessPoolExecutor` cannot end a task that does not stop, and gives no exit code.
 """
 
 from __future__ import annotations
@@ -222,20 +223,14 @@ class Worker:
             if self._closed or (asked is not None and time.monotonic() - asked > grace):
                 child.kill()
                 raise Cancelled
-            message = child.receive(0.02)
-            if message is None:
-                continue
-            kind, number, value = message
-            if number not in (job.number, 0):
-                continue
-            if kind == "progress":
-                job.tell("progress", value)
-            elif kind == "done":
-                return value
-            elif kind == "stopped":
-                raise Cancelled
-            else:
-                raise FlexvizError(value)
+            for kind, value in child.receive(0.02):
+                if kind == "done":
+                    return value
+                if kind == "stopped":
+                    raise Cancelled
+                if kind == "failed":
+                    raise FlexvizError(value)
+                job.tell(kind, value)
 
 
 class _Child:
@@ -249,7 +244,7 @@ class _Child:
             [sys.executable, "-P", "-c", _CHILD, str(theirs.fileno())],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
-            stdout=sys.stderr.fileno() if _has_fileno(sys.stderr) else None,
+            stdout=2,  # the program's own output is left to it
             env=environment | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
             start_new_session=True,  # only the parent handles Ctrl+C
         )
@@ -265,9 +260,10 @@ class _Child:
         except (BrokenPipeError, ConnectionError):
             raise FlexvizError(self._reason()) from None
 
-    def receive(self, timeout: float) -> tuple[str, int, Any] | None:
+    def receive(self, timeout: float) -> list[tuple[Kind, Any]]:
+        """The next message, if one comes in time."""
         try:
-            return self._pipe.recv() if self._pipe.poll(timeout) else None
+            return [self._pipe.recv()] if self._pipe.poll(timeout) else []
         except (EOFError, ConnectionError):
             raise FlexvizError(self._reason()) from None
 
@@ -288,13 +284,13 @@ def child_main(descriptor: int) -> None:
         os.nice(5)  # playback and the page have priority
     pipe, here = mpc.Connection(descriptor), os.getpid()
     lock = threading.Lock()
-    stops: dict[int, threading.Event] = {}
+    stopped: set[int] = set()  # numbers of tasks
     waiting: queue.SimpleQueue[tuple[int, list[Preparation], Task[Any]]] = queue.SimpleQueue()
 
-    def send(kind: Kind, number: int, value: Any) -> None:
+    def send(kind: Kind, value: Any) -> None:
         if os.getpid() == here:  # a copy is silent: its messages would mix with those of this process
             with lock:
-                pipe.send((kind, number, value))
+                pipe.send((kind, value))
 
     def read() -> None:
         while True:
@@ -303,28 +299,26 @@ def child_main(descriptor: int) -> None:
             except (EOFError, OSError):
                 os._exit(0)
             except Exception as error:  # a task that cannot be unpickled here
-                send("failed", 0, one_line(f"{type(error).__name__}: {error}"))
+                send("failed", one_line(f"{type(error).__name__}: {error}"))
                 continue
             if kind == "stop":
-                stops.setdefault(number, threading.Event()).set()
+                stopped.add(number)
             else:
                 waiting.put((number, *content))
 
     def work(number: int, preparations: list[Preparation], task: Task[Any]) -> None:
         for function, args in preparations:
             function(*args)
-        stop = stops.setdefault(number, threading.Event())
         with on_cores(usable_cores()):
-            result = task.run(partial(send, "progress", number), stop.is_set)
-        send("done", number, result)
+            result = task.run(partial(send, "progress"), lambda: number in stopped)
+        send("done", result)
 
     threading.Thread(target=read, daemon=True).start()
     while True:
         number, preparations, task = waiting.get()
         ended, value = _outcome(partial(work, number, preparations, task))
         if ended != "done":
-            send(ended, number, value)
-        stops.pop(number, None)
+            send(ended, value)
 
 
 def _outcome(work: Callable[[], Any]) -> tuple[Kind, Any]:
@@ -338,11 +332,3 @@ def _outcome(work: Callable[[], Any]) -> tuple[Kind, Any]:
     except Exception as error:
         traceback.print_exc()
         return "failed", one_line(f"{type(error).__name__}: {error}")
-
-
-def _has_fileno(stream: Any) -> bool:
-    try:
-        stream.fileno()
-    except (AttributeError, OSError, ValueError):
-        return False
-    return True

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexviz.errors import InputError
+from flexviz.fields import Floats
 
 INERTIAL_UNITS = {
     "mass": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m",
@@ -50,11 +51,11 @@ class FlexibleModel:
     """
 
     joints: tuple[str, ...]
-    stiffness: np.ndarray
-    motor_inertia: np.ndarray
-    link_viscous_friction: np.ndarray
-    motor_viscous_friction: np.ndarray
-    inertial: np.ndarray
+    stiffness: Floats
+    motor_inertia: Floats
+    link_viscous_friction: Floats
+    motor_viscous_friction: Floats
+    inertial: Floats
     effects: tuple[EffectValue, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,8 +1,8 @@
-"""Independent pieces of work on several cores, by forked copies of the process.
+"""Independent pieces of work on several cores, in forked processes.
 
-A copy has all data of the process without copying them; only results are sent back. A copy that fails or is
-killed sends nothing, and its work is done in the process itself, which then meets the same error. A copy
-ends with the thread that made it, also if that is killed.
+A forked process has all data of this one without copying them; only results are sent back. What a killed
+process was to do is done here. Processes end with a stop, and with the one that made them, also if that is
+killed.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import gc
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextvars import ContextVar
-from multiprocessing import Pipe
-from typing import Any, Generic, TypeVar
+from multiprocessing import get_context
+from typing import Any, TypeVar
 
 from flexviz.progress import StopCallback, never
 
@@ -24,13 +26,11 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 MOST_CORES = 4  # more of them wait for one another
-SPARE_NICENESS = 10
-STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
-_PR_SET_PDEATHSIG = 1
+STOP_SECONDS = 0.05  # [s] between two looks whether to stop
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
-_busy: ContextVar[set[_Copy] | None] = ContextVar("busy", default=None)  # by `Background`s
 _should_stop: ContextVar[StopCallback] = ContextVar("should_stop", default=never)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+_work: tuple[Callable[[Any], Any], list[Any]]  # of a forked process
 
 
 def usable_cores() -> int:
@@ -45,17 +45,15 @@ def on_cores(count: int) -> Iterator[None]:
     The process is forked: it must have no other threads that compute.
     """
     token = _allowed.set(max(1, min(count, usable_cores())))
-    busy = _busy.set(set())
     try:
         yield
     finally:
-        _busy.reset(busy)
         _allowed.reset(token)
 
 
 @contextlib.contextmanager
 def stopped_by(should_stop: StopCallback) -> Iterator[None]:
-    """End copies that are waited for in this context once `should_stop()` is true."""
+    """End the processes of this context once `should_stop()` is true; this one does their work."""
     token = _should_stop.set(should_stop)
     try:
         yield
@@ -67,7 +65,7 @@ def stopped_by(should_stop: StopCallback) -> Iterator[None]:
 def existing_objects_kept() -> Iterator[None]:
     """Search only objects made in this context for garbage; at its end return what it leaves to the system.
 
-    There are tens of thousands of others, most of imported modules; forked copies would also copy them. What
+    There are tens of thousands of others, most of imported modules; forked processes would copy them. What
     is left in cycles takes tens of megabytes, and glibc keeps what lies below a block in use: 18 diagnoses of
     different two-joint sets in one process ended with 735 MB instead of 175 MB.
     """
@@ -90,139 +88,58 @@ def _return_freed() -> None:
         trim(0)
 
 
-class Background(Generic[Result]):
-    """A function at work in a copy of the process.
-
-    On one core, or without `begin`, it runs when asked for its result.
-
-    Args:
-        function: the work.
-        begin: whether to begin now.
-        spare: leave the cores to other work, and do it here if it is not done when asked for: on a busy
-            machine it may hardly have begun.
-    """
-
-    def __init__(self, function: Callable[[], Result], begin: bool = True, spare: bool = False) -> None:
-        self._function, self._spare = function, spare
-        self._copy = _Copy(function, spare) if begin and _allowed.get() > 1 else None
-        busy = _busy.get()
-        if self._copy is not None and busy is not None and not spare:
-            busy.add(self._copy)
-
-    @property
-    def ready(self) -> bool:
-        """Whether to ask for the result is not to wait for another core."""
-        return self._copy is None or self._copy.ready
-
-    def result(self) -> Result:
-        """What the function returns. To be asked for once."""
-        if self._spare and not self.ready:
-            self.close()
-        found = self._copy.answer() if self._copy is not None else None
-        self._copy = None
-        return self._function() if found is None else found[0]
-
-    def close(self) -> None:
-        """End the copy."""
-        if self._copy is not None:
-            self._copy.kill()
-            self._copy = None
-
-
 def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """`[function(item) for item in items]`, by several cores where they are allowed and free."""
-    work = list(items)
-    copies = min(_free_cores(), len(work)) - 1
-    if copies < 1:
-        return [function(item) for item in work]
-    waiting, fill = os.pipe()
-    os.write(fill, bytes(range(min(len(work), 256))))  # a byte per piece: whoever is free takes the next
-    os.close(fill)
-
-    def next_piece() -> int | None:
-        taken = os.read(waiting, 1)
-        return taken[0] if taken else None
-
-    def some() -> dict[int, Result]:
-        return {k: function(work[k]) for k in iter(next_piece, None)}
-
-    running: list[_Copy] = []
-    try:
-        running += [_Copy(some) for _ in range(copies)]
-        found = some()
-        for copy in running:
-            found |= (copy.answer() or ({},))[0]
-    finally:
-        os.close(waiting)
-        for copy in running:
-            copy.kill()
+    """`[function(item) for item in items]`, by several cores where they are allowed."""
+    work, found, futures = list(items), dict[int, Result](), dict[int, Future[Result]]()
+    count = max(1, min(_allowed.get(), len(work)))
+    should_stop = _should_stop.get()
+    if should_stop():  # what is done after a stop is not stopped by it
+        should_stop = never
+    with contextlib.ExitStack() as opened:
+        if count > 1:
+            with contextlib.suppress(OSError):  # no more processes or files: all is done here
+                pool = opened.enter_context(_processes(function, work, count - 1))
+                futures |= {k: pool.submit(_piece, k) for k in range(len(work)) if k % count}
+        with on_cores(1):  # no processes of processes
+            found |= {k: function(work[k]) for k in range(0, len(work), count)}
+        while wait(futures.values(), STOP_SECONDS).not_done and not should_stop():
+            pass
+    for k, future in futures.items():
+        with contextlib.suppress(BrokenExecutor):  # killed, or stopped
+            found[k] = future.result()
     return [found[k] if k in found else function(item) for k, item in enumerate(work)]
 
 
-def _free_cores() -> int:
-    """Allowed cores on which no `Background` is at work."""
-    busy = _busy.get() or set()
-    busy -= {copy for copy in busy if copy.ready}
-    return max(1, _allowed.get() - len(busy))
+@contextlib.contextmanager
+def _processes(function: Callable[[Any], Any], work: list[Any], count: int) -> Iterator[ProcessPoolExecutor]:
+    """Forked processes for pieces of the work; at the end, those still at work are ended."""
+    end, alive = os.pipe()
+    with contextlib.ExitStack() as pipe:
+        pipe.callback(os.close, end)
+        pipe.callback(os.close, alive)
+        with ProcessPoolExecutor(count, get_context("fork"), _begin, (function, work, end, alive)) as pool:
+            try:
+                yield pool
+            finally:
+                pipe.close()
 
 
-class _Copy:
-    """A copy of this process that calls a function and sends its result."""
-
-    def __init__(self, function: Callable[[], Any], spare: bool = False) -> None:
-        should_stop, parent = _should_stop.get(), os.getpid()
-        # what is done after a stop is not stopped by it
-        self._should_stop = never if should_stop() else should_stop
-        self._number: int | None = None
-        try:
-            self._pipe, theirs = Pipe(duplex=False)
-        except OSError:
-            return
-        with contextlib.suppress(OSError):  # no more processes or memory: as if it had failed
-            self._number = os.fork()
-        if self._number == 0:
-            with contextlib.suppress(BaseException):
-                _end_with(parent)
-                signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the result stops this copy
-                _allowed.set(1)
-                if spare:
-                    os.nice(SPARE_NICENESS)
-                theirs.send((function(),))
-            os._exit(0)  # nothing of the process that was copied is tidied up
-        theirs.close()
-
-    @property
-    def ready(self) -> bool:
-        """Whether it has ended or failed."""
-        return self._number is None or self._pipe.poll()
-
-    def answer(self) -> tuple[Any] | None:
-        """The result in a tuple; None if the copy failed or is no longer wanted."""
-        if self._number is None:
-            return None
-        try:
-            while not self._pipe.poll(STOP_SECONDS):
-                if self._should_stop():
-                    return None
-            return self._pipe.recv()
-        except (EOFError, OSError):
-            return None
-        finally:
-            self.kill()
-
-    def kill(self) -> None:
-        """End the copy, if it is still at work."""
-        if self._number is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._number, signal.SIGKILL)
-            os.waitpid(self._number, 0)
-            self._number = None
-            self._pipe.close()
+def _begin(function: Callable[[Any], Any], work: list[Any], end: int, alive: int) -> None:
+    """Prepare a forked process, which ends when no other one holds the pipe open."""
+    global _work
+    _work = function, work
+    os.close(alive)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the results stops it
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    _allowed.set(1)
+    threading.Thread(target=_end_with, args=(end,), daemon=True).start()
 
 
-def _end_with(parent: int) -> None:
-    """Have the system kill this copy when the thread that made it ends."""
-    assert _libc is not None
-    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:  # it ended before
-        os._exit(0)
+def _end_with(pipe: int) -> None:
+    os.read(pipe, 1)
+    os._exit(0)
+
+
+def _piece(k: int) -> Any:
+    function, work = _work
+    return function(work[k])

@@ -14,33 +14,11 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from flexviz.iteration import Iteration
 
 SHORT = 5.0  # [s]
 CLOSE = 1.5  # ratio of two times that are said as one
 VAGUE = 6.0  # ratio of two times of which only the smaller is said
-
-
-@dataclass(frozen=True, eq=False)
-class Iteration:
-    """One step of a solver.
-
-    Attributes:
-        number: counted from 0 (the start) over all stages.
-        stage: what the solver is doing.
-        cost: ½ Σ (r/σ)² + prior.
-        step: length of the step in standard deviations of the parameters.
-        values: shape (P,), parameters in the units of the result (stiffness, not compliance).
-        names: shape (P,), "stiffness:joint1".
-    """
-
-    number: int
-    stage: str
-    cost: float
-    step: float
-    values: NDArray[np.float64]
-    names: tuple[str, ...]
 
 
 @dataclass(frozen=True)

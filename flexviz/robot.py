@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexviz._pinocchio import pin
+from flexviz._pinocchio import effort_limit, parent_joint, pin
 from flexviz.errors import InputError, choose_from
+from flexviz.mounting import GRAVITY, upright
 from flexviz.robot_files import SETTINGS, RobotSettings, find_urdf, is_library_robot, load_settings, read_urdf
 from flexviz.urdf_checks import MAX_JOINTS, check_body
 from flexviz.urdf_inertias import inertia_notes
 from flexviz.urdf_joints import Mimic, locking_notes, unloaded
 
 __all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
-
-GRAVITY = (0.0, 0.0, -9.81)  # [m/s²] along the URDF's z
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -65,7 +64,7 @@ class Robot:
         source: where it was loaded from, as written in a measurement set.
         urdf_path: the URDF file.
         joints: names of the n moving joints; every other joint stays locked at neutral.
-        model: Pinocchio's model of those joints (nq == nv == n), in Pinocchio's own order.
+        model: Pinocchio's model of those joints (nq == nv == n), in Pinocchio's own order, under `gravity`.
         order: (n,) Pinocchio's index of the set's joint i.
         urdf: its text, continuous joints as revolute ones with wide limits.
         lower_limit, upper_limit: (n,) position limits [rad].
@@ -90,11 +89,14 @@ class Robot:
     notes: tuple[str, ...] = ()
 
     @staticmethod
-    def load(source: str | Path, joints: Sequence[str] | None = None, base: Path | None = None) -> Robot:
+    def load(
+        source: str | Path, joints: Sequence[str] | None = None, base: Path | None = None,
+        gravity: Sequence[float] = GRAVITY,
+    ) -> Robot:  # fmt: skip
         """Load a URDF by path (relative to `base`), `example-robot-data:<name>` or `robots:<name>`.
 
         `joints` None takes every revolute, continuous and prismatic joint in tree order that moves a mass
-        and follows no other joint (mimic).
+        and follows no other joint (mimic). `gravity` (3,) [m/s²] is in the base's frame: a robot on a wall.
         """
         path = find_urdf(source, base)
         described = read_urdf(path)
@@ -124,17 +126,17 @@ class Robot:
         for joint in (joint for joint in mimics if joint in movable):
             pose[full.joints[full.getJointId(joint)].idx_q] = mimics[joint].offset
         model = pin.buildReducedModel(full, locked, pose) if locked else full
-        model.gravity.linear = np.array(GRAVITY)
+        model.gravity.linear = np.array(gravity, dtype=float)
         for joint in chosen:
             body = model.inertias[model.getJointId(joint)]
             check_body(joint, body.mass, body.inertia, path)
-        frames = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0)
-        notes = inertia_notes(described.root, {f.name: model.inertias[f.parentJoint] for f in frames}, path)
+        frames = (f for f in model.frames if f.type == pin.FrameType.BODY and parent_joint(f) > 0)
+        notes = inertia_notes(described.root, {f.name: model.inertias[parent_joint(f)] for f in frames}, path)
         notes += locking_notes(described.root, chosen, mimics, empty, joints is not None)
         followers = {j: m for j, m in mimics.items() if j not in chosen}
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
         positions = model.lowerPositionLimit, model.upperPositionLimit
-        limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, model.upperEffortLimit))
+        limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, effort_limit(model)))
         return Robot(
             described.name,
             str(source),
@@ -147,6 +149,18 @@ class Robot:
             mimics=followers,
             notes=(*described.notes, *notes),
         )
+
+    @cached_property
+    def gravity(self) -> tuple[float, float, float]:
+        """(3,) acceleration of gravity in the base's frame [m/s²]: how the robot is mounted."""
+        x, y, z = map(float, self.model.gravity.linear)
+        return x, y, z
+
+    def mounted(self, gravity: Sequence[float]) -> Robot:
+        """The robot under another gravity (3,) [m/s²]."""
+        model = self.model.copy()
+        model.gravity.linear = np.array(gravity, dtype=float)
+        return replace(self, model=model)
 
     @cached_property
     def prismatic(self) -> np.ndarray:
@@ -197,9 +211,15 @@ class Robot:
         return total
 
     def model_with(
-        self, parameters: np.ndarray, payload: Sequence[PayloadBody] = (), gravity: Sequence[float] = GRAVITY
+        self,
+        parameters: np.ndarray,
+        payload: Sequence[PayloadBody] = (),
+        gravity: Sequence[float] | None = None,
     ) -> Any:
-        """A copy of the model with inertias `parameters` (n, 10) + payload, and this gravity (3,) [m/s²]."""
+        """A copy of the model with inertias `parameters` (n, 10) + payload.
+
+        `gravity` (3,) [m/s²] in the base's frame; None: the robot's own.
+        """
         values = np.asarray(parameters, dtype=float) + self.payload_parameters(payload)
         model = self.model.copy()
         for i, row in enumerate(values):
@@ -208,7 +228,8 @@ class Robot:
                 raise InputError(f"joint {name}: a body without mass cannot have moments or inertia")
             inertia = pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
             model.inertias[1 + int(self.order[i])] = inertia
-        model.gravity.linear = np.asarray(gravity, dtype=float)
+        if gravity is not None:
+            model.gravity.linear = np.asarray(gravity, dtype=float)
         return model
 
     def cad_torques(
@@ -227,14 +248,21 @@ class Robot:
 
     def joint_of_link(self, link: str) -> int | None:
         """Index of the set's joint that moves `link`, or None when it is fixed to the base."""
-        parent = self._link_frame(link).parentJoint
+        parent = parent_joint(self._link_frame(link))
         return None if parent == 0 else int(np.flatnonzero(self.order == self.model.idx_vs[parent])[0])
 
     def link_poses(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """World pose (4, 4) of every link at the joint positions q (n,) [rad]."""
+        """Pose (4, 4) of every link at the joint positions q (n,) [rad], with the base as it is mounted.
+
+        In the frame that has z up and the base at its origin; of an upright robot that is the base's own.
+        """
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, self.to_pin(np.asarray(q, dtype=float)))
-        return {name: data.oMf[index].homogeneous for name, index in self._link_index.items()}
+        return {name: (self._base * data.oMf[i]).homogeneous for name, i in self._link_index.items()}
+
+    @cached_property
+    def _base(self) -> Any:
+        return pin.SE3(upright(self.gravity), np.zeros(3))
 
     def _link_frame(self, link: str) -> Any:
         if link not in self._link_index:

@@ -7,6 +7,7 @@ Settings are one TOML file per robot in `robots/`; lists have one value per join
 
 from __future__ import annotations
 
+import os
 import re
 import sysconfig
 import xml.etree.ElementTree as ElementTree
@@ -71,7 +72,8 @@ def find_urdf(source: str | Path, base: Path | None = None) -> Path:
         if scheme == SHIPPED:
             known = {file.stem: file for file in robots_dir().glob("*/*.urdf")}
         elif not (known := example_robots()):
-            raise InputError(f'robot "{text}": the package example-robot-data is not installed')
+            missing = "needs example-robot-data, which is not installed: pip install 'flexviz[robots]'"
+            raise InputError(f'robot "{text}" {missing}')
         name = name if name in known else _without_suffix(name)
         if name not in known:
             raise InputError(f'robot "{text}" does not exist; {choose_from(name, sorted(known), limit=80)}')
@@ -142,6 +144,14 @@ def check_expanded(root: Element, path: Path) -> None:
         raise InputError(f"{other}{message}", file=path)
 
 
+def described() -> list[Path]:
+    """Folders of installed robot descriptions: example-robot-data, and ROS packages by their variables."""
+    found = [share_dir()]
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        found += [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
+    return [path.resolve() for path in found]
+
+
 def mesh_names(urdf: str) -> Iterator[str]:
     """Every mesh file name in a URDF's text, each once."""
     names = (mesh.get("filename", "") for mesh in ElementTree.fromstring(urdf).iter("mesh"))
@@ -151,7 +161,8 @@ def mesh_names(urdf: str) -> Iterator[str]:
 def resolve_mesh(name: str, urdf_path: Path) -> Path:
     """The file of a mesh name in `urdf_path`; InputError if it does not exist or cannot be a mesh.
 
-    Meshes are copied into measurement sets and exports: no other file may get there under that name.
+    Meshes are copied into measurement sets and exports: no other file may get there under that name, and none
+    from elsewhere on this machine.
     """
     folder = urdf_path.parent
     match = re.match(r"(package|file|model)://(.*)", name)
@@ -163,7 +174,8 @@ def resolve_mesh(name: str, urdf_path: Path) -> Path:
         inside = match[2].split("/", 1)[-1]
         above = (parent / match[2] for parent in folder.resolve().parents)
         tried = [share_dir() / match[2], *above, folder / match[2], folder / inside, folder.parent / inside]
-    if match is not None and match[1] != "file" and ".." in Path(match[2]).parts:
+    packaged = match is not None and match[1] != "file"
+    if packaged and ".." in Path(name).parts:
         raise InputError(f'mesh "{name}" leads out of its package', file=urdf_path)
     for path in tried:
         try:
@@ -171,6 +183,10 @@ def resolve_mesh(name: str, urdf_path: Path) -> Path:
         except (OSError, ValueError):  # a name that is too long, or holds a zero byte
             continue
         if real is not None:
+            roots = (folder.resolve().parent, *described())
+            if not packaged and not any(real.is_relative_to(root) for root in roots):
+                message = f'mesh "{name}" lies outside the folder of the robot description: copy it there'
+                raise InputError(message, file=urdf_path)
             if {path.suffix.lower(), real.suffix.lower()} <= MESH_SUFFIXES:
                 return path
             expected = ", ".join(sorted(MESH_SUFFIXES))

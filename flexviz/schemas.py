@@ -59,7 +59,9 @@ def validate(model: type[Model], data: dict[str, Any], file: Path, version: int)
         raise input_error(error, data, file, model) from None
 
 
-def input_error(error: ValidationError, data: dict[str, Any], file: Path, model: Any = None) -> InputError:
+def input_error(
+    error: ValidationError, data: dict[str, Any], file: Path | None = None, model: Any = None
+) -> InputError:
     """One line for the first of pydantic's errors, saying how many more there are.
 
     `model` tells which keys a table may have where one is unknown; a field's description is the hint where it

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
+from flexviz.acceptance import read_limits
 from flexviz.diagnosis import BandwidthCheck, check_bandwidth, diagnose, maps_of
 from flexviz.equation import layout_of
 from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.files import write_file
-from flexviz.identification import Identification, identify
+from flexviz.identification import FitOptions, FitSettings, Identification, fit_settings, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
-from flexviz.observers import EsoGains, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
-from flexviz.recording import Recorded, RecordingFile, recording_file
 from flexviz.report import diagnosed_session, session_animation, session_report
 from flexviz.session import (
     Analysis,
@@ -27,6 +27,9 @@ from flexviz.session import (
     save_session,
     with_roles,
 )
+
+if TYPE_CHECKING:
+    from flexviz.recording import Recorded, RecordingFile
 
 REPORT_SUFFIXES = {".html": "html", ".htm": "html", ".md": "md", ".json": "json"}
 
@@ -53,6 +56,16 @@ class RecordedAnalysis:
     recorded: Recorded
     results: tuple[Identification, ...]
 
+    def viewer(self, width: int | Literal["auto"] = "auto", height: int = 600) -> Any:
+        """The recording in Rerun's viewer, of this size [px], to be displayed by a notebook.
+
+        Raises:
+            MissingPackage: rerun-notebook is not installed.
+        """
+        from flexviz.recording import notebook_viewer
+
+        return notebook_viewer(self.recorded.file, width, height)
+
 
 def write_report(
     source: str | Path | OpenedSession,
@@ -61,6 +74,7 @@ def write_report(
     guard: bool | None = None,
     keep: Path | None = None,
     animation: Path | None = None,
+    require: Path | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> WrittenReport:
@@ -73,6 +87,7 @@ def write_report(
             reach the measurement noise.
         keep: new folder for a session with the results.
         animation: HTML file of the measured and the identified robot in motion, written after the report.
+        require: file of limits, for a section that says whether the result keeps them.
         progress, should_stop: see `flexviz.progress`.
 
     Raises:
@@ -83,6 +98,7 @@ def write_report(
     if keep is not None and keep.exists() and (not keep.is_dir() or any(keep.iterdir())):
         raise InputError("exists and is not empty, expected a new folder", file=keep)
     opened = source if isinstance(source, OpenedSession) else open_session(source)
+    limits = None if require is None else read_limits(require, opened.measurements.joints)
     saved = is_session(opened.folder)
     if saved:
         session = _completed(opened, guard, progress, should_stop)
@@ -94,7 +110,9 @@ def write_report(
         save_session(session, opened.measurements, keep)
     folder = keep or (opened.folder if saved and session is opened.session else None)
     folder = None if folder is None else folder.resolve()
-    text = session_report(session, opened.measurements, kind, folder=folder, changed=opened.changed)
+    text = session_report(
+        session, opened.measurements, kind, folder=folder, changed=opened.changed, limits=limits
+    )
     write_file(out, text)
     if animation is not None:
         told = {"progress": progress, "should_stop": should_stop}
@@ -162,29 +180,28 @@ def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementS
 def record(
     measurements: MeasurementSet | str | Path,
     out: str | Path,
+    settings: FitSettings | None = None,
     *,
-    groups: Sequence[str] | None = None,
-    effects: Iterable[str] = (),
-    observer: str = "butterworth-zero-phase",
-    bandwidth: float | Sequence[float] | None = None,
-    gains: EsoGains | None = None,
-    refine: bool = False,
     add_missing: bool = False,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
+    **options: Unpack[FitOptions],
 ) -> RecordedAnalysis:
     """Identify a set and record signals, observer states, residuals, iterations and both robots.
 
     Args:
         measurements: the set, or its folder.
         out: file to write, .rrd.
-        groups, effects, observer, bandwidth, gains, refine: as in `identify`.
+        settings, options: as in `identify`.
         add_missing: also find the missing effects, add them one by one and record every step.
         progress, should_stop: see `flexviz.progress`; what was recorded before a stop is kept.
     """
+    from flexviz.recording import recording_file
+
     if not isinstance(measurements, MeasurementSet):
         measurements = read_set(measurements)
-    effects, results = list(effects), list[Identification]()
+    chosen, results = fit_settings(settings, **options), list[Identification]()
+    effects = list(chosen.effects)
     with recording_file(measurements, out, progress=progress, should_stop=should_stop) as file:
 
         def tell(news: Progress) -> None:
@@ -192,14 +209,17 @@ def record(
             if news.iteration is not None:
                 file.recorder.iteration(news.iteration)
 
-        options: dict[str, Any] = {"groups": groups, "observer": observer, "bandwidth": bandwidth}
-        options |= {"gains": gains, "refine": refine, "progress": tell, "should_stop": should_stop}
+        fit = partial(identify, measurements, chosen, progress=tell, should_stop=should_stop)
         file.recorder.measured(file.part(0.0, 0.1))
         file.recorder.session(
-            observer=observer, effects=effects, groups=list(groups or ()), refine=refine, diagnose=add_missing
+            observer=chosen.observer,
+            effects=effects,
+            groups=list(chosen.groups or ()),
+            refine=chosen.refine,
+            diagnose=add_missing,
         )
-        file.recorder.observe(make_observer(observer, bandwidth, gains), file.part(0.1, 0.25))
-        _solve(file, effects, f"with {', '.join(effects)}" if effects else "present model", options, results)
+        file.recorder.observe(chosen.make_observer(), file.part(0.1, 0.25))
+        _solve(file, effects, f"with {', '.join(effects)}" if effects else "present model", fit, results)
         if add_missing:
             extended = replace(measurements, effects=(*measurements.effects, *effects))
             found = diagnose(extended, apply=True, progress=progress, should_stop=should_stop)
@@ -212,7 +232,7 @@ def record(
                 effects = [*effects, step.added.text]
                 # a free curve's many nodes are fitted from far off slowly, and not to the same minimum
                 model = step.model if step.added.stopgap else None
-                _solve(file, effects, f"+ {step.added.text}", options | {"model": model}, results)
+                _solve(file, effects, f"+ {step.added.text}", partial(fit, model=model), results)
         file.simulate(results[-1], file.part(0.5, 1.0))
         file.step("writing", 1.0)
     assert file.written is not None
@@ -223,12 +243,12 @@ def _solve(
     file: RecordingFile,
     effects: list[str],
     label: str,
-    options: dict[str, Any],
+    fit: Callable[..., Identification],
     results: list[Identification],
 ) -> None:
     """Identify with these effects, append the result to `results`, record it and its residual maps."""
     file.recorder.start(label)
-    result = identify(file.recorder.measurements, effects=effects, **options)
+    result = fit(effects=effects)
     file.recorder.result(result)
     results.append(result)
     if result.stopped:

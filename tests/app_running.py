@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from flexviz.app.application import Application
-from flexviz.app.server import rule_of, start_server
+from flexviz.app.input_rules import rule_of
+from flexviz.app.server import start_server
 from flexviz.app.sets import open_set
 
 BROWSER = 7  # the number of a browser that is not there

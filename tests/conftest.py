@@ -11,6 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pytest
 
 from flexviz.diagnosis import Diagnosis, diagnose
+from flexviz.importing import importing
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.resources import sessions_dir
 
@@ -25,6 +26,12 @@ def demo() -> MeasurementSet:
 def diagnosed_demo(demo: MeasurementSet) -> Diagnosis:
     """What is missing in it, found once for all tests."""
     return diagnose(demo, apply=True)
+
+
+@pytest.fixture
+def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An import without the delay of the torque, which takes seconds."""
+    monkeypatch.setattr(importing, "torque_delay", lambda *arguments: None)
 
 
 def pytest_configure() -> None:

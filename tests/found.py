@@ -6,25 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.diagnosis import (
+from flexviz.diagnosis import BandwidthCheck, Diagnosis, Evidence, Finding, ParameterCurve, Step
+from flexviz.model import FlexibleModel
+from flexviz.records import (
     Absorbed,
-    BandwidthCheck,
-    Diagnosis,
+    Decoys,
+    EffectEntry,
     EffectParameter,
-    Evidence,
     Family,
-    Finding,
     FreeCurve,
+    Grade,
+    GroupError,
     Move,
-    ParameterCurve,
+    Note,
+    ParameterEstimate,
     ResidualLocation,
     ResidualMap,
-    Step,
     Tie,
 )
-from flexviz.identification import ParameterEstimate
-from flexviz.model import FlexibleModel
-from flexviz.results import Grade, Note
 
 JOINTS = ("joint1", "joint2")
 TIME = np.linspace(0.0, 4.0, 200)
@@ -36,18 +35,22 @@ EVIDENCE = Evidence(
     np.tile(STEPS + 0.1 * np.sin(40 * TIME), 2), np.tile(STEPS, 2),
 )  # fmt: skip
 COULOMB = Finding(
-    "coulomb_friction", "joint2", None, None, 0.62, 0.98,
-    {"coulomb": EffectParameter(3.0, 0.01, "Nm")}, (TIE,), 400.0, (ABSORBED,), EVIDENCE,
+    effect="coulomb_friction", joint="joint2", score=0.62, confidence=0.98,
+    parameters={"coulomb": EffectParameter(3.0, 0.01, "Nm")}, inseparable_from=(TIE,), gain=400.0,
+    absorbed=(ABSORBED,), evidence=EVIDENCE,
 )  # fmt: skip
 OFFSET = Finding(
-    "torque_offset", "joint1", None, None, 0.11, 0.02, {"offset": EffectParameter(0.4, 0.2, "Nm")}, (), 12.0
+    effect="torque_offset", joint="joint1", score=0.11, confidence=0.02,
+    parameters={"offset": EffectParameter(0.4, 0.2, "Nm")}, gain=12.0,
 )  # fmt: skip
 MODEL = FlexibleModel(
     JOINTS, np.array([2000.0, 1500.0]), np.array([1.5, 1.0]), np.ones(2), np.ones(2), np.zeros((2, 10))
 )
 BEFORE = Step(
-    None, (2.0, 1.0), (2.2, 1.1), "missing",
-    (("g1", (2.0, 1.0), False), ("g2", (2.0, 1.0), False), ("g3", (2.2, 1.1), True)), (0.01, 0.02), MODEL,
+    None, (2.0, 1.0), (2.2, 1.1), (
+        GroupError("g1", (2.0, 1.0), False), GroupError("g2", (2.0, 1.0), False),
+        GroupError("g3", (2.2, 1.1), True),
+    ), (0.01, 0.02), MODEL, verdict="missing",
 )  # fmt: skip
 AFTER = replace(
     BEFORE,
@@ -55,7 +58,11 @@ AFTER = replace(
     rms=(0.02, 0.03),
     rms_validation=(0.021, 0.031),
     verdict="unknown",
-    groups=(("g1", (0.02, 0.03), False), ("g2", (0.02, 0.03), False), ("g3", (0.021, 0.031), True)),
+    groups=(
+        GroupError("g1", (0.02, 0.03), False),
+        GroupError("g2", (0.02, 0.03), False),
+        GroupError("g3", (0.021, 0.031), True),
+    ),
 )
 GRADED: tuple[tuple[str, float, float, str, Grade, tuple[str, ...]], ...]
 
@@ -74,11 +81,11 @@ def values_of(joint: str) -> list[tuple[str, float, float, str, Grade, tuple[str
 
 PARAMETERS = (
     *(
-        ParameterEstimate(name, joint, value, std, unit, value, identifiable, tied)
+        ParameterEstimate(name, joint, value, std, unit, identifiable, value, tied)
         for joint in JOINTS
         for name, value, std, unit, identifiable, tied in values_of(joint)
     ),
-    ParameterEstimate("coulomb_friction.coulomb", "joint2", 3.0, 0.01, "Nm", 0.0, "yes"),
+    ParameterEstimate("coulomb_friction.coulomb", "joint2", 3.0, 0.01, "Nm", "yes", 0.0),
 )
 
 
@@ -141,12 +148,20 @@ TRACE = (
 )  # fmt: skip
 FRICTION = Family("dry_friction", True, ("coulomb_friction", "link_coulomb_friction"), 0.97)
 DIAGNOSIS = Diagnosis(
-    "small", "missing", (COULOMB, OFFSET), PLACES, (BEFORE, AFTER),
-    ({"effect": "coulomb_friction", "joint": "joint2", "group": None, "payload": None,
-      "parameters": {"coulomb": {"value": 3.0, "std": 0.01, "unit": "Nm"}}},),
-    PARAMETERS, 3.0, False, (NOTE,), MODEL, MAPS,
-    CURVE, GUARD,
-)  # fmt: skip
+    set_name="small",
+    verdict="missing",
+    findings=(COULOMB, OFFSET),
+    where=PLACES,
+    steps=(BEFORE, AFTER),
+    effects=(EffectEntry("coulomb_friction", {"coulomb": EffectParameter(3.0, 0.01, "Nm")}, "joint2"),),
+    parameters=PARAMETERS,
+    seconds=3.0,
+    notes=(NOTE,),
+    model=MODEL,
+    maps=MAPS,
+    free_curve=CURVE,
+    guard=GUARD,
+)
 # the same data, which do not tell the two kinds of dry friction apart
 TIED = replace(COULOMB, confidence=0.4, family=FRICTION)
 TIED_DIAGNOSIS = replace(
@@ -154,5 +169,5 @@ TIED_DIAGNOSIS = replace(
     findings=(TIED, OFFSET),
     steps=(BEFORE, replace(AFTER, added=TIED)),
     trace=TRACE,
-    decoys=(0, 40),
+    decoys=Decoys(0, 40),
 )

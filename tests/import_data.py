@@ -34,6 +34,9 @@ uint32 nanosec
 """
 
 
+STIFFNESS = np.array([2000.0, 1500.0])  # [Nm/rad]
+
+
 def truth(seed: int = 0, rows: int = 1500, step: float = 0.002) -> SimpleNamespace:
     """time (N,) [s], theta, tau, q (N, 2) [rad], [Nm] at the joint side; three frequencies a joint.
 
@@ -50,7 +53,7 @@ def truth(seed: int = 0, rows: int = 1500, step: float = 0.002) -> SimpleNamespa
     model = pin.buildModelFromXML(URDF)
     data = model.createData()
     tau = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)]) + v
-    theta = q + tau / np.array([2000.0, 1500.0]) + 2e-5 * rng.normal(size=q.shape)
+    theta = q + tau / STIFFNESS + 2e-5 * rng.normal(size=q.shape)
     return SimpleNamespace(time=time, theta=theta, tau=tau + 2e-3 * rng.normal(size=q.shape), q=q)
 
 

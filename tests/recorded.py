@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,30 @@ import numpy as np
 import pyarrow as pa
 from PIL import Image
 from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
+
+PLACE = "Transform3D"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Places (M, 3) and turns (M, 4), x y z w, of a frame in its parent; None: that of the entity above."""
+
+    parent: str | None
+    places: np.ndarray
+    turns: np.ndarray
+
+
+def pose_of(frames: dict[str, Frame], name: str | None, row: int) -> np.ndarray:
+    """(4, 4) of a frame at the row-th instant, in the outermost one."""
+    pose = np.eye(4)
+    while name in frames:
+        frame, own = frames[name], np.eye(4)
+        k = row if len(frame.places) > 1 else 0
+        own[:3, :3] = Rotation.from_quat(frame.turns[k]).as_matrix()
+        own[:3, 3] = frame.places[k]
+        pose, name = own @ pose, frame.parent
+    return pose
 
 
 class Read:
@@ -40,6 +65,22 @@ class Read:
                 instants.append(ticks * 1e-9 if pa.types.is_duration(index.type) else ticks)
                 values.append(np.array(batch.column("Scalars:scalars").flatten()))
         return np.concatenate(instants), np.concatenate(values)
+
+    def frames(self, below: str) -> dict[str, Frame]:
+        """The named frames whose places were logged below an entity."""
+        found: dict[str, Frame] = {}
+        for entity, batches in self.batches.items():
+            if entity.startswith(below) and any(f"{PLACE}:child_frame" in b.schema.names for b in batches):
+                (name,) = set(self.component(entity, f"{PLACE}:child_frame"))
+                assert name not in found, f"{name} is placed by two entities"
+                parts = [b for b in batches if f"{PLACE}:parent_frame" in b.schema.names]
+                parents = set(self.component(entity, f"{PLACE}:parent_frame")) if parts else {None}
+                (parent,) = parents
+                places = self.component(entity, f"{PLACE}:translation")
+                turned = any(f"{PLACE}:quaternion" in b.schema.names for b in batches)
+                turns = self.component(entity, f"{PLACE}:quaternion") if turned else [[0.0, 0.0, 0.0, 1.0]]
+                found[name] = Frame(parent, np.asarray(places), np.asarray(turns))
+        return found
 
     def picture(self, entity: str) -> Image.Image:
         """A drawn chart as it stands in the end."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from flexviz.identification import identify
@@ -16,9 +15,9 @@ def small_session(folder: Path) -> tuple[MeasurementSet, Session]:
     """The set in `folder`, and a session: identified, diagnosed, an effect added, one step undone."""
     measurements = read_set(write_small_set(folder))
     session = Session.of(measurements)
-    result = identify(measurements, max_iterations=2)
+    result = identify(measurements, max_iterations=2, refine=False)
     analysis = session.analysis.with_identification(result, session.analysis.settings)
     session = session.then("identified", analysis)
     session = session.then("looked", analysis.with_diagnosis(DIAGNOSIS))
     session = session.then("offset", session.analysis.with_effects(["torque_offset:joint1"]))
-    return measurements, session.then("width", replace(session.analysis, bandwidth=(30.0, 40.0))).undo()
+    return measurements, session.then("width", session.analysis.with_fit(bandwidth=(30.0, 40.0))).undo()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -100,27 +101,27 @@ def test_bandwidth_redraws_the_states(app: Application) -> None:
     use(app, "Bandwidth [rad/s]", np.log10(120.0))
     after = chart(app, "states", "theta3")[1]
     assert len(before) != len(after) or not np.array_equal(before, after)
-    assert app.store.analysis.bandwidth == pytest.approx(120.0, rel=1e-3)
+    assert app.store.analysis.fit.bandwidth == pytest.approx(120.0, rel=1e-3)
     assert "120" in step(app, ObserverStep)._numbers.content
     use(app, "Observer type", "eso")
     assert "disturbance" in app.plots._states._charts
     use(app, "Use the observer's own bandwidth")
-    assert app.store.analysis.bandwidth is None
+    assert app.store.analysis.fit.bandwidth is None
     for _ in range(3):
         app.store.undo()
-    assert app.store.analysis.observer == "butterworth-zero-phase"
+    assert app.store.analysis.fit.observer == "butterworth-zero-phase"
 
 
 def test_undo_takes_back_one_whole_drag(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = app.store.analysis.bandwidth
+    before = app.store.analysis.fit.bandwidth
     for width in (60.0, 70.0, 80.0):
         use(app, "Bandwidth [rad/s]", np.log10(width))
     monkeypatch.setattr("flexviz.app.store.PAUSE", 0.0)  # as if the slider had rested
     use(app, "Bandwidth [rad/s]", np.log10(200.0))
     app.store.undo()
-    assert app.store.analysis.bandwidth == pytest.approx(80.0, rel=0.01)
+    assert app.store.analysis.fit.bandwidth == pytest.approx(80.0, rel=0.01)
     app.store.undo()
-    assert app.store.analysis.bandwidth == before
+    assert app.store.analysis.fit.bandwidth == before
 
 
 def test_joint_and_group_are_selected_everywhere(app: Application) -> None:
@@ -277,11 +278,24 @@ def test_a_mistake_is_shown_and_the_app_goes_on(app: Application, capsys: Any) -
     assert "Step Data" in status(app)
 
 
+def every_disabled_control_says_why(app: Application, least: int) -> None:
+    handles = app.page.gui._gui_input_handle_from_uuid.values()
+    disabled = {handle.label: str(handle.hint) for handle in handles if getattr(handle, "disabled", False)}
+    assert len(disabled) >= least
+    assert not {name: hint for name, hint in disabled.items() if not re.match(r"off: \w+ .*\w", hint)}
+
+
+def test_disabled_controls_say_why(app: Application) -> None:
+    reopen(app, sessions_dir() / DEMO)
+    every_disabled_control_says_why(app, least=5)  # Undo, Redo, Stop, Report, Animation
+
+
 @pytest.mark.slow
 def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Run")
     assert app.store.runs(Identify) and step(app, IdentifyStep)._run.disabled and not app.dock._stop.disabled
+    every_disabled_control_says_why(app, least=6)
     frames = app.display.playback.frames
     app.store.clock.play()
     until(app, lambda: app.display.playback.frames > frames + 3)  # playback goes on meanwhile
@@ -314,7 +328,7 @@ def test_every_effect_that_can_be_named_has_a_checkbox_and_a_hint(app: Applicati
     )
     assert "stays in" in boxes["coulomb_friction"].hint
     use(app, "Presliding hysteresis", True)
-    assert "takes the place of Coulomb friction" in step(app, IdentifyStep).effects._note.content
+    assert "replaces Coulomb friction" in step(app, IdentifyStep).effects._note.content
     assert boxes["presliding_hysteresis"].value
     app.store.undo()
 
@@ -334,7 +348,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     assert np.isfinite(fit).all() and x[mark.argmax()] == x[validation.argmin()]
     assert f"{result.best:.1f}"[:3] in sweep._about.content
     use(app, "Use the sweep's minimum")
-    assert app.store.analysis.bandwidth == pytest.approx(result.best, rel=1e-3)
+    assert app.store.analysis.fit.bandwidth == pytest.approx(result.best, rel=1e-3)
     use(app, "Torque offset", True)
     assert "have changed" in sweep._about.content
     app.store.undo()
@@ -346,7 +360,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     assert sweep._result is not None and 1 <= len(sweep._result.bandwidths) < SWEEP_COUNT
     for row in step(app, DataStep)._roles.values():
         send(app, row, "Ignore")
-    assert "Sweep is off" in sweep._about.content
+    assert "No group is set to Fit" in sweep._about.content
 
 
 @pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")
@@ -371,12 +385,12 @@ def test_a_bandwidth_for_one_joint(app: Application, folder: Path) -> None:
     use(app, "Only this joint", True)
     use(app, "Joint", "joint2")
     use(app, "exactly", 70.0)
-    width = app.store.analysis.bandwidth
+    width = app.store.analysis.fit.bandwidth
     assert isinstance(width, tuple) and width[1] == 70.0 and width[0] != 70.0
     assert "Per joint" in step(app, ObserverStep)._numbers.content
     use(app, "Only this joint", False)
     use(app, "exactly", 80.0)
-    assert app.store.analysis.bandwidth == 80.0
+    assert app.store.analysis.fit.bandwidth == 80.0
 
 
 def test_arcs_and_sides(app: Application) -> None:

@@ -13,15 +13,16 @@ from typing import Any
 
 import pytest
 
-from flexviz.app import workspace
+from flexviz.app import DEMO, workspace
 from flexviz.app.application import Application
-from flexviz.app.server import upload_refusal
+from flexviz.app.input_rules import upload_refusal
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.data import DataStep
 from flexviz.app.workspace import PRESETS, SimulateQuiz, hideable, output_dir
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from flexviz.progress import ignore, never
+from flexviz.resources import sessions_dir
 from flexviz.session import SESSION_FILE
 from tests.app_running import BROWSER, command, control, reopen, running, status, until, upload, use, wait
 from tests.small_set import URDF, write_small_set
@@ -159,24 +160,30 @@ def test_a_urdf_alone_is_offered_for_simulation_or_completes_a_set(app: Applicat
     assert app.store.measurements.path.name == "rest" and robot.options == (*PRESETS, "robot.urdf")
 
 
-def test_a_report_is_sent_once_there_is_something_to_report(
-    app: Application, monkeypatch: pytest.MonkeyPatch
+def test_pages_are_sent_once_there_is_something_to_show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pages = "Report", "Animation"
-    assert all(control(app, page).disabled and "press" in str(control(app, page).hint) for page in pages)
-    use(app, "Run")
-    wait(app)
-    assert not any(control(app, page).disabled for page in pages)
-    sent: list[tuple[str, bytes]] = []
-    client = SimpleNamespace(
-        send_file_download=lambda name, content, **_: sent.append((name, content)),
-        add_notification=lambda *_, **__: None,
-    )
-    monkeypatch.setattr(app.page.server, "get_clients", lambda: {BROWSER: client})
-    use(app, "Report")
-    until(app, lambda: bool(sent))
-    name, content = sent[0]
-    assert name.endswith("-report.html") and content.lstrip().lower().startswith(b"<!doctype html")
+    with running(tmp_path, sessions_dir() / DEMO) as app:
+        assert all(control(app, page).disabled and "press" in str(control(app, page).hint) for page in pages)
+        use(app, "Run")
+        wait(app)
+        assert not any(control(app, page).disabled for page in pages)
+        sent: dict[str, bytes] = {}
+        client = SimpleNamespace(
+            send_file_download=lambda name, content, **_: sent.update({name: content}),
+            add_notification=lambda *_, **__: None,
+        )
+        monkeypatch.setattr(app.page.server, "get_clients", lambda: {BROWSER: client})
+        for count, page in enumerate(pages, start=1):
+            use(app, page)
+            until(app, lambda count=count: len(sent) == count)
+            name, content = [*sent.items()][-1]
+            assert name.endswith(f"-{page.lower()}.html") and content.lstrip().lower().startswith(
+                b"<!doctype html"
+            )
+    both = [*sent.values()]
+    assert b"requestAnimationFrame" in both[1] and b"requestAnimationFrame" not in both[0]
 
 
 def test_a_quiz_hides_what_it_hides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ import pytest
 from flexviz.app.application import Application
 from flexviz.app.steps.own_robot import OwnRobot
 from flexviz.measurements import read_set
+from flexviz.robot import Robot
+from flexviz.view import set_html
 from tests.app_running import act, command, control, running, send, status, until, upload, use, wait
-from tests.import_data import truth
+from tests.import_data import truth, write_robot
 from tests.small_set import URDF, write_small_set
 
 
@@ -39,6 +42,12 @@ def begin(app: Application, **files: bytes) -> None:
     """Drop these files (`_` for the last point of their names) and wait for the form."""
     own(app).close()
     add(app, **files)
+
+
+def small_robot() -> Robot:
+    """The small arm, upright."""
+    with TemporaryDirectory() as folder:
+        return Robot.load(write_robot(Path(folder)))
 
 
 def add(app: Application, **files: bytes) -> None:
@@ -85,6 +94,28 @@ def test_a_doubt_has_its_remedy_as_a_button(app: Application) -> None:
     wait(app)
     assert "Wrong" not in table(app) and "sign reversed" not in table(app)
     assert "Checked" in own(app)._state.content and not remedy.visible
+
+
+def test_a_robot_under_a_ceiling_is_opened_as_it_hangs(app: Application) -> None:
+    run = truth(0)
+    still = np.zeros_like(run.q)
+    weight = small_robot().cad_torques((), run.q, still, still)
+    rows = np.column_stack((run.time, run.theta, run.tau - 2.0 * weight))
+    hanging = "\n".join(["t,q1,q2,tau1,tau2", *(",".join(f"{x:.7g}" for x in row) for row in rows)])
+    begin(app, ceiling_urdf=URDF.encode(), run_csv=hanging.encode())
+    use(app, "Gravity along", "+z: under a ceiling")
+    for joint in ("joint1", "joint2"):  # whatever was concluded of an upright robot
+        use(app, "Correct", f"τ of {joint}")
+        use(app, "Sign", "+")
+    use(app, "Open")
+    until(app, lambda: app.store.measurements.path.name == "ceiling")
+    robot = app.store.measurements.robot
+    assert robot.gravity == (0.0, 0.0, 9.81)
+    turned = robot.link_poses(np.array([0.5, 0.0]))["link2"][:3, 3]
+    upright = small_robot().link_poses(np.array([0.5, 0.0]))["link2"][:3, 3]
+    np.testing.assert_allclose(turned, upright * [1.0, -1.0, -1.0], atol=1e-12)
+    assert "under a ceiling, gravity = [0, 0, 9.81] m/s²" in set_html(app.store.measurements)
+    command(app, "Read the data again")
 
 
 def test_files_that_cannot_be_used_are_refused_by_name(app: Application) -> None:

@@ -14,10 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexviz.app.events import MAX_QUEUE_LENGTH, Event, EventQueue
-from flexviz.app.page import off
-from flexviz.app.playback import PlaybackClock
-from flexviz.app.server import (
-    LoopEvent,
+from flexviz.app.input_rules import (
     Rule,
     choice,
     increasing,
@@ -28,8 +25,11 @@ from flexviz.app.server import (
     switch,
     text,
 )
+from flexviz.app.page import off
+from flexviz.app.playback import PlaybackClock
 from flexviz.app.state import Changed, ChangeSignal, Turn
 from flexviz.app.style import Tooltips, css_text, in_row
+from flexviz.app.viser_private import LoopEvent
 from flexviz.errors import InputError
 
 NUMBER = partial(number, low=0.0, high=10.0)

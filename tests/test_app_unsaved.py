@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -35,7 +34,7 @@ def test_unsaved_work_is_offered_continued_and_saved(tmp_path: Path, monkeypatch
         until(app, lambda: bool(app.store.session.past))
         assert app.store.analysis.effects == ("torque_offset:joint1",) and app.store.folder is None
         assert not unsaved._button.visible
-        app.store.change("refine", replace(app.store.analysis, refine=True))
+        app.store.change("refine", app.store.analysis.with_fit(refine=True))
         assert unsaved.keeper.flush()
         assert find_unsaved(unsaved_dir(), opened.measurements.path) is None  # it is this process's own now
         use(app, "Save session")

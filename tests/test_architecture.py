@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -27,6 +28,8 @@ LAYERS = (
     (
         "arrays",
         "errors",
+        "fields",
+        "iteration",
         "limits",
         "files",
         "resources",
@@ -44,22 +47,24 @@ LAYERS = (
     (
         "_pinocchio",
         "_scipy",
-        "interpolation",
         "robot",
         "urdf_checks",
         "urdf_inertias",
         "urdf_joints",
         "robot_files",
         "model",
+        "mounting",
     ),
     ("effects",),
+    ("records",),
     ("wording",),
     ("measurements", "noise", "results"),
     ("observers",),
     ("equation",),
     ("estimation",),
-    ("identification",),
     ("laws",),
+    ("identification",),
+    ("acceptance", "compensation"),
     ("diagnosis",),
     ("simulation", "session", "importing"),
     ("designing",),
@@ -120,6 +125,35 @@ def test_only_one_place_imports(module: str, home: str) -> None:
         if name.split(".")[0] == module
     ]
     assert not found, f"only flexviz/{home} may import {module}"
+
+
+# attributes and elements of viser's page that it documents nowhere
+VISERS_PAGE = re.compile(
+    r"mantine-|data-mantine|data-dock|data-floating|__viser|__r3f|file_upload_|uplot-container"
+)
+
+
+def test_viser_inside_is_known_to_one_place() -> None:
+    from flexviz.app.viser_private import TRIED_WITH
+
+    found, private = list[str](), "viser_private"
+    for path in (file for file in sorted((PACKAGE / "app").rglob("*.*")) if file.suffix in (".py", ".js")):
+        if path.stem == private:
+            continue
+        found += [f"{path.name}: {text}" for text in VISERS_PAGE.findall(path.read_text(encoding="utf-8"))]
+        if path.suffix == ".py":
+            found += [
+                f"{path.name}: imports {name}" for name, _ in imports(path) if re.match(r"viser.*\._", name)
+            ]
+            found += [
+                f"{path.name}:{node.lineno}: {ast.unparse(node)}"
+                for node in ast.walk(tree(path))
+                if isinstance(node, ast.Attribute) and re.match("_(?!_)", node.attr)
+                if ast.unparse(node.value) not in ("self", "cls")
+            ]
+    assert not found, f"what leans on viser's inside belongs into flexviz/app/{private}.py or .js"
+    pinned = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'"viser=={TRIED_WITH}"' in pinned and metadata.version("viser") == TRIED_WITH
 
 
 def test_every_module_has_its_layer() -> None:

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_set import URDF, columns, write_small_set, write_table
 
-from flexviz.errors import FlexvizError, InputError, choose_from, one_line
+from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import read_set
 
 Spoil = Callable[[Path], object]
@@ -109,6 +109,11 @@ P2 = 'bodies = [{ link = "link2", mass = 2.0'
 
 # what is wrong: (how to spoil the set, words that the message must hold)
 BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
+    "same file": (edit('file = "b.parquet"', 'file = "a.csv"'), ("a.csv", '"g1" and "g2" use the same file')),
+    "grams": (
+        edit("mass = 2.0", "mass = 2000.0"),
+        ("payloads.p2.bodies, entry 1, mass", "2000 on a robot of 8 kg", "in grams? expected kg"),
+    ),
     # the numbers
     "nan": (cell(16, "tau_joint1", float("nan")), ("a.csv", "row 17 (line 18)", "tau_joint1", "nan")),
     "nan in parquet": (
@@ -363,9 +368,12 @@ def test_paths_that_are_no_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         (table(lambda d: d.update(tau_joint2=np.zeros(2000))), "tau_joint2 never changes"),
         (table(lambda d: d.update(theta_ref_joint2=-d["theta_joint2"])), "theta_ref_joint2 hardly follows"),
         (table(scale("time", 30.0)), "step is 0.06 s"),
-        (edit('file = "b.parquet"', 'file = "a.csv"'), '"g1" and "g2" use the same file'),
+        (
+            lambda folder: write_table(folder / "sub/c.csv", columns(0)),
+            '"g1" and "g3" hold the same samples: intervals are narrower',
+        ),
     ],
-    ids=["50 times", "constant", "opposite", "slow", "same file"],
+    ids=["50 times", "constant", "opposite", "slow", "copy"],
 )
 def test_odd_is_only_a_warning(tmp_path: Path, change: Spoil, words: str) -> None:
     folder = write_small_set(tmp_path / "small")
@@ -408,13 +416,3 @@ def test_random_damage_is_never_a_traceback(
         read_set(folder)
     except InputError as error:
         check_line(error)
-
-
-def test_choices_in_messages() -> None:
-    assert choose_from("x", []) == "there is nothing to choose from"
-    assert choose_from("b", ["aa", "bb"]) == "valid: aa, bb" or "did you mean" in choose_from(
-        "b", ["aa", "bb"]
-    )
-    assert choose_from("nothing", [f"joint{i}" for i in range(20)]).endswith("(20 in all)")
-    assert str(InputError("a\nb\tc", file="f", place="p")) == "f, p: a b c"
-    assert str(FlexvizError("several\n lines")) == "several lines"

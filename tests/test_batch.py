@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow.parquet as papq
 import pytest
 
+from flexviz import FitSettings
 from flexviz.batch import ClusterChoice, SetOptions, read_batch, run_batch, set_results, tasks, working
 from flexviz.batch.cluster import _Spread
 from flexviz.batch.sources import find_sets
@@ -76,15 +77,16 @@ def test_a_run_goes_on_where_it_was_stopped_and_counts_nothing_twice(
     second = run_batch(fleet, out, IDENTIFY, HERE)
     assert second.complete and (second.count.kept, second.count.done) == (1, 1)
     third = run_batch(fleet, out, IDENTIFY, HERE)
-    assert (third.count.kept, third.count.done, third.rows) == (2, 0, second.rows)
+    assert (third.count.kept, third.count.done) == (2, 0)
+    assert repr(third.rows) == repr(second.rows)  # NaN, where an error is not known, equals nothing
     assert len(calls) == begun + 1 <= 3  # neither the first nor the copy of a set is computed again
     rows = {row.set: row for row in third.rows}
-    assert rows["a/run1"].parameters == rows["b/run9"].parameters
+    assert repr(rows["a/run1"].parameters) == repr(rows["b/run9"].parameters)
     assert list(rows) == ["a/run1", "a/run2", "b/run9", "b/run10"]  # 9 before 10
     assert {row.robot for row in third.rows} == {"a", "b"}
     failed = rows["b/run10"]
     assert failed.state == "failed" and "lost.urdf" in failed.error and failed.parameters == {}
-    other = run_batch(fleet, out, SetOptions(diagnosed=False, refine=True), HERE)
+    other = run_batch(fleet, out, SetOptions(FitSettings(refine=False), diagnosed=False), HERE)
     assert other.count.done == 2  # other options are other tasks
 
 
@@ -108,7 +110,7 @@ def test_another_program_gives_other_results(
 def test_the_table_is_read_back_and_names_its_units(fleet: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     rows = run_batch(fleet, out, IDENTIFY, HERE).rows
-    assert read_batch(out) == list(rows)
+    assert repr(read_batch(out)) == repr(list(rows))
     table = papq.read_table(out / "results.parquet")
     k = table.schema.field("stiffness:joint1")
     assert json.loads((k.metadata or {})[b"flexviz"])["unit"] == "Nm/rad"

@@ -10,12 +10,17 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from flexviz.batch import FleetRow, FleetValue, drift_text, histories, outliers
+from flexviz.batch import FleetRow, drift_text, histories, outliers
 from flexviz.batch.page import found_text, summary_page
 from flexviz.batch.table import read_table, write_table
+from flexviz.records import Grade, ParameterEstimate
 
 LABELS = ("stiffness:joint1", "stiffness:joint2", "viscous_friction_sum:joint1")
 STD = 2.0
+
+
+def stiffness(value: float, identifiable: Grade = "yes") -> ParameterEstimate:
+    return ParameterEstimate("stiffness", None, value, STD, "Nm/rad", identifiable)
 
 
 def fleet(seed: int, robots: int, months: int, spread: float, slope: float = 0.0) -> list[FleetRow]:
@@ -28,15 +33,12 @@ def fleet(seed: int, robots: int, months: int, spread: float, slope: float = 0.0
             day = dt.date(2025, 1, 10) + dt.timedelta(days=30 * month)
             values = own + STD * rng.normal(size=len(LABELS))
             values[0] += slope * 30 * month if robot == 0 else 0.0
-            parameters = {
-                label: FleetValue(float(value), STD, "Nm/rad", "yes")
-                for label, value in zip(LABELS, values, strict=True)
-            }
+            parameters = {label: stiffness(float(value)) for label, value in zip(LABELS, values, strict=True)}
             rows.append(row(f"robot{robot}", day, parameters))
     return rows
 
 
-def row(robot: str, day: dt.date, parameters: dict[str, FleetValue]) -> FleetRow:
+def row(robot: str, day: dt.date, parameters: dict[str, ParameterEstimate]) -> FleetRow:
     return FleetRow(
         set=f"{robot}/{day}", path="", robot=robot, date=day.isoformat(), date_from="set", sha256="",
         description="arm.urdf", description_sha256="1", key="", state="done", error="", verdict="missing",
@@ -58,8 +60,8 @@ def test_a_drift_is_found_with_its_slope() -> None:
 
 def test_an_outlier_is_found_and_not_its_neighbours() -> None:
     rows = fleet(2, robots=30, months=1, spread=10.0)
-    rows[7].parameters[LABELS[1]] = FleetValue(800.0, STD, "Nm/rad", "yes")
-    rows[9].parameters[LABELS[1]] = FleetValue(500.0, STD, "Nm/rad", "no")  # the data do not determine it
+    rows[7].parameters[LABELS[1]] = stiffness(800.0)
+    rows[9].parameters[LABELS[1]] = stiffness(500.0, "no")  # the data do not determine it
     (found,) = outliers(rows)
     assert (found.row, found.parameter, found.value, found.of) == (7, LABELS[1], 800.0, 29)
     assert found.median == pytest.approx(1000, abs=10) and -30 < found.deviations < -10

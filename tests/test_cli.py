@@ -22,7 +22,8 @@ from pydantic import BaseModel, ConfigDict
 from flexviz.cli import main, terminal
 from flexviz.cli.options import parse_bandwidth
 from flexviz.errors import InputError
-from flexviz.progress import Iteration, Progress
+from flexviz.iteration import Iteration
+from flexviz.progress import Progress
 from flexviz.results import interval
 
 COMMANDS = ("identify", "simulate", "serve", "record", "effects", "diagnose", "export")
@@ -218,8 +219,9 @@ def test_results_on_stdout_progress_on_stderr(identified: tuple[dict, str, str])
     assert "\x1b" not in out + err
 
 
-def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path) -> None:
-    """Ctrl+C at the first sign of an iteration: exit code 130, and the JSON is there."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path, number: signal.Signals) -> None:
+    """Ctrl+C, or a scheduler, at the first sign of an iteration: exit code 130, and the JSON is there."""
     file = tmp_path / "result.json"
     process = subprocess.Popen(
         [sys.executable, "-m", "flexviz", "identify", str(demo_set), "--refine", "--json", str(file)],
@@ -229,7 +231,7 @@ def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path) -> None:
     )
     assert process.stderr is not None
     first = process.stderr.readline()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=120)
     assert "iteration" in first, first + err
     assert process.returncode == 130, first + err
@@ -237,6 +239,33 @@ def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path) -> None:
     result = IdentifyContract.model_validate(json.loads(file.read_text()))
     assert not result.converged and result.parameters
     assert "stopped" in out
+
+
+def test_an_interrupt_while_the_command_is_loaded_ends_it_silently(tmp_path: Path) -> None:
+    (tmp_path / "typer.py").write_text("import time; print('loading', flush=True); time.sleep(60)")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flexviz", "--help"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+    )
+    assert process.stdout is not None and process.stdout.readline() == "loading\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == -signal.SIGINT and err == ""
+
+
+def test_a_part_of_a_name_is_enough_for_a_suggestion(
+    demo_set: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", str(demo_set), "--effect", "colomb"]) == 2
+    assert 'did you mean "coulomb_friction"?' in capsys.readouterr().err
+
+
+def test_a_name_that_is_too_long_is_cut(demo_set: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", str(demo_set), "--group", "a" * 5000]) == 2
+    assert len(capsys.readouterr().err) < 400
 
 
 def test_interrupt_in_the_middle_of_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -299,7 +328,7 @@ def test_serve_answers_until_interrupted(demo_set: Path) -> None:
 # -- pieces
 
 
-@pytest.mark.parametrize("text, value", [(None, None), ("50", 50.0), ("40,60", [40.0, 60.0]), ("1e2", 100.0)])
+@pytest.mark.parametrize("text, value", [(None, None), ("50", 50.0), ("40,60", (40.0, 60.0)), ("1e2", 100.0)])
 def test_parse_bandwidth(text: str | None, value: object) -> None:
     assert parse_bandwidth(text) == value
 

@@ -14,7 +14,7 @@ from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
 from flexviz.diagnosis import Diagnosis, why_no_curve
 from flexviz.measurements import MeasurementSet, read_set
-from flexviz.results import curve_tables
+from flexviz.records import curve_tables
 from tests.unknown_laws import Rough, set_with
 
 SHARED = Path(__file__).parents[2] / "shared" / "robotlike"

@@ -16,18 +16,18 @@ from flexviz.designing.criterion import BestSeparation, LeastErrors
 from flexviz.designing.information import information
 from flexviz.designing.subject import subject_of
 from flexviz.errors import InputError
-from flexviz.results import CandidateEntry, Tie
+from flexviz.records import CandidateEffect, Tie
 from flexviz.results.diagnosis_summary import candidate_lines
 from flexviz.simulation import Fourier, follow, make_plan, simulate_run
 from flexviz.wording import merged_findings
 
-ENTRY = CandidateEntry(
+ENTRY = CandidateEffect(
     effect="coulomb_friction",
     joint="joint2",
     score=0.9,
     confidence=0.9,
     parameters={},
-    inseparable_from=[Tie("link_coulomb_friction", "joint2", 0.99)],
+    inseparable_from=(Tie("link_coulomb_friction", "joint2", 0.99),),
 )
 LIMITS = {
     "lower": [-0.5, -1.5],

@@ -36,14 +36,14 @@ def test_demo_lacks_coulomb_friction(diagnosed_demo: Diagnosis) -> None:
     assert diagnosed_demo.verdict == "missing"
     first = diagnosed_demo.findings[0]
     assert (first.effect, first.joint) == ("coulomb_friction", "joint2")
-    value, std, unit = first.parameters["coulomb"]
-    assert unit == "Nm" and value == pytest.approx(
+    found = first.parameters["coulomb"]
+    assert found.unit == "Nm" and found.value == pytest.approx(
         truth["parameters"]["coulomb"]["value"]
         if isinstance(truth["parameters"]["coulomb"], dict)
         else truth["parameters"]["coulomb"],
         rel=0.01,
     )
-    assert std is not None and std < 0.01 * value
+    assert found.std < 0.01 * found.value
     assert diagnosed_demo.steps[-1].verdict == "nothing-missing"
     assert (
         diagnosed_demo.steps[0].rms_validation is not None
@@ -187,7 +187,7 @@ def test_practice(case):
     wanted = truth["effects"][0]
     assert (result.findings[0].effect, result.findings[0].joint) == (wanted["effect"], wanted["joint"])
     for name, value in wanted["parameters"].items():
-        assert result.findings[0].parameters[name][0] == pytest.approx(value, rel=0.01)
+        assert result.findings[0].parameters[name].value == pytest.approx(value, rel=0.01)
 
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")

@@ -201,9 +201,9 @@ def test_what_tells_two_effects_apart_is_named(demo: Any) -> None:
 
 def test_errors_of_every_group_add_up(demo: Any, base: tuple[FitContext, Fit]) -> None:
     errors = PredictionErrorBand(demo).errors(base[1])
-    assert [name for name, _, _ in errors.groups] == [g.name for g in demo.groups]
-    assert [held for _, _, held in errors.groups] == [g.validation for g in demo.groups]
-    held_out = [rms for _, rms, held in errors.groups if held]
+    assert [one.name for one in errors.groups] == [g.name for g in demo.groups]
+    assert [one.validation for one in errors.groups] == [g.validation for g in demo.groups]
+    held_out = [one.rms for one in errors.groups if one.validation]
     assert errors.rms_validation == pytest.approx(held_out[0])
     assert all(floor < rms for floor, rms in zip(errors.noise_floor, errors.rms, strict=True))
 

@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis_study import document, figures, robots, tables
-from benchmarks.diagnosis_study import statistics as st
+from benchmarks.diagnosis_study import document, robots, tables
 from benchmarks.diagnosis_study.__main__ import main
 from benchmarks.diagnosis_study.cases import TWINS, Case, cases, selected
-from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same, stated_confidence
-from benchmarks.diagnosis_study.laws import EXTRA_LAWS
-from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
-from benchmarks.diagnosis_study.oracle import true_model, with_hidden
-from benchmarks.diagnosis_study.running import final_model
+from benchmarks.diagnosis_study.judging import Addition, judge, same, stated_confidence
+from benchmarks.diagnosis_study.laws import EXTRA_LAWS, place
+from benchmarks.diagnosis_study.making import make, plan_of
+from benchmarks.diagnosis_study.oracle import final_model, true_model, with_hidden
+from benchmarks.diagnosis_study.report import calibration_rows, value_rows
 from benchmarks.diagnosis_study.sizes import SIZES
+from benchmarks.running import case_folder, truth_file
+from benchmarks.tables import Share
 from flexviz.effects import EFFECTS, ChosenEffect, JointState
 from flexviz.equation import Layout
 from flexviz.measurements import read_set
@@ -77,10 +78,10 @@ def answer(
         "where": [{"joint": where, "variable": "position"}],
     }  # fmt: skip
     spent = {"wall": 3.0, "cpu": 2.5, "errors": [0.003, 0.004]}
-    return {"diagnosis": document, "features": [FEATURES] * len(added)} | spent | more
+    return {"diagnosis": document} | spent | more
 
 
-SURE, FEATURES = 0.92, (60.0, 5.0, 0.0)  # of what was found
+SURE = 0.92  # of what was found
 COULOMB = hidden("coulomb_friction", coulomb=2.0)
 
 
@@ -92,8 +93,11 @@ def test_cases_are_many_and_different() -> None:
     assert sum(count["pair", planar] for planar in (True, False)) >= 40
     assert sum(count["clean", planar] for planar in (True, False)) >= 150
     assert sum(count["unknown", planar] for planar in (True, False)) >= 64
-    # friction of the temperature has a study of its own: these sets do not state any
-    tried = {name for name in LAWS if not EFFECTS[name].only_among_many} - {"temperature_friction"}
+    # two have studies of their own: these sets state no temperatures
+    tried = {name for name in LAWS if not EFFECTS[name].only_among_many} - {
+        "temperature_friction",
+        "driving_friction",
+    }
     assert {case.effects[0] for case in every if case.kind == "single"} == tried == set(SIZES)
     assert {case.extra_law for case in every if case.extra_law} == set(EXTRA_LAWS) and len(EXTRA_LAWS) >= 5
     assert {case.noise for case in every if case.effects == ("backlash",)} == {0.5, 1.0, 3.0}
@@ -137,7 +141,7 @@ def test_plans_are_of_the_kind_that_was_said() -> None:
 def test_extra_laws(name: str) -> None:
     """They pull back, and are smooth where they depend on velocity."""
     plan, size = plan_of(Case("x", "clean", "2r", (), "", (), 1.0, 4))
-    law = EXTRA_LAWS[name](plan, 0, size, np.random.default_rng(0))
+    law = EXTRA_LAWS[name](place(plan, 0, size, np.random.default_rng(0)))
 
     def pull(speed: float) -> np.ndarray:
         state = JointState(2.0, 0.31, speed, 0.30, speed, 4.0, (0.01,) * law.states)
@@ -209,19 +213,21 @@ def test_where_members_of_a_family_tie_the_family_is_the_finding() -> None:
 
 
 def test_one_effect() -> None:
-    case = judge(truth(COULOMB), known(coulomb=2.001), answer("missing", found("coulomb_friction")))
-    assert case.right and case.first_right and case.decidable and case.named == ("coulomb_friction", "joint1")
-    assert case.parameter_errors["coulomb_friction.coulomb"] == pytest.approx(0.01)
-    assert case.knowing_errors["coulomb_friction.coulomb"] == pytest.approx(0.0005)
-    assert case.deviations["coulomb_friction.coulomb"] == pytest.approx(2.0)
-    by_name = {(e.name, e.joint): (e.error, e.deviation) for e in case.base}
-    assert by_name == {
-        ("stiffness", 1): (pytest.approx(0.02), pytest.approx(3.0)),
-        ("motor_inertia", 0): (0.0, 0.0),
-    }
+    case = tables.outcome(truth(COULOMB), known(coulomb=2.001), answer("missing", found("coulomb_friction")))
+    said = case.said
+    assert said.right and said.first_right and case.decidable and said.named == ("coulomb_friction", "joint1")
+    values = {value.name: value for value in said.values}
+    assert values["coulomb_friction.coulomb"].error == pytest.approx(0.01)
+    assert values["coulomb_friction.coulomb"].covered is False  # two standard errors off
+    assert [value.error for value in case.best] == [pytest.approx(0.0005)]
+    assert values["2r joint 2: stiffness"].error == pytest.approx(0.02)
+    assert values["2r joint 1: motor inertia"].error == 0.0 and values["2r joint 1: motor inertia"].covered
+    assert len(values) == 3
     unexplained = answer("missing", found("coulomb_friction"), final="unknown")
-    assert not judge(truth(COULOMB), known(), unexplained).base
-    assert case.held_out == pytest.approx(0.0) and case.stated == (Stated(SURE, True, FEATURES),)
+    assert [value.name for value in judge(truth(COULOMB), unexplained).values] == ["coulomb_friction.coulomb"]
+    assert case.held_out == pytest.approx(0.0)
+    (addition,) = said.additions
+    assert (addition.confidence, addition.right, addition.name) == (SURE, True, "coulomb_friction:joint1")
 
 
 @pytest.mark.parametrize(
@@ -237,43 +243,42 @@ def test_one_effect() -> None:
     ],
 )
 def test_wrong_answers(result: dict[str, Any]) -> None:
-    assert not judge(truth(COULOMB), known(), result).right
+    assert not judge(truth(COULOMB), result).right
 
 
 def test_two_effects() -> None:
     both = truth(COULOMB, hidden("backlash", "joint2"), kind="pair")
-    case = judge(both, known(), answer("missing", found("backlash", "joint2"), found("coulomb_friction")))
-    assert case.right and case.all_found and len(case.stated) == 2
-    assert not judge(both, known(), answer("missing", found("backlash", "joint2"))).all_found
+    case = judge(both, answer("missing", found("backlash", "joint2"), found("coulomb_friction")))
+    assert case.right and not case.missed and len(case.additions) == 2
+    assert judge(both, answer("missing", found("backlash", "joint2"))).missed == ["coulomb_friction:joint1"]
 
 
 def test_clean_and_unknown() -> None:
     clean = truth(kind="clean")
-    assert judge(clean, known(), answer("nothing-missing")).right
-    assert not judge(clean, known(), answer("missing", found("backlash"))).right
+    assert judge(clean, answer("nothing-missing")).right
+    assert not judge(clean, answer("missing", found("backlash"))).right
     foreign = truth(hidden("unknown", "joint2") | {"kind": "vibration"}, kind="unknown")
-    assert judge(foreign, known(), answer("unknown", where="joint2")).right
-    assert judge(
-        foreign, known(), answer("missing", found("backlash"), final="unknown", where="joint2")
-    ).right
-    assert not judge(foreign, known(), answer("unknown", where="joint1")).right
+    assert judge(foreign, answer("unknown", where="joint2")).right
+    assert judge(foreign, answer("missing", found("backlash"), final="unknown", where="joint2")).right
+    assert not judge(foreign, answer("unknown", where="joint1")).right
 
 
 def test_smallest_size_found() -> None:
     cases = [(float(k), float(k), k > 3) for k in range(1, 21)]
-    assert st.smallest(cases).size == 4.0
-    assert st.smallest([*cases, (15.5, 15.5, False)]).size == 4.0  # one in eighteen missed
-    assert st.smallest([(1.0, 1.0, False)]).size is None
+    assert tables.smallest(cases) == (4.0, 4.0)
+    assert tables.smallest([*cases, (15.5, 15.5, False)]) == (4.0, 4.0)  # one in eighteen missed
+    assert tables.smallest([(1.0, 1.0, False)]) is None
 
 
 def test_calibration() -> None:
-    stated = [Stated(0.92, k % 10 != 0) for k in range(20)] + [Stated(0.3, False), Stated(1.0, True)]
-    assert st.sure(stated).hits == 19 and st.sure(stated).count == 21
-    rows = st.calibration(stated)
-    assert sum(row[3].count for row in rows) == 22 and rows[-1][3].hits == 1
+    stated = [(0.92, k % 10 != 0) for k in range(20)] + [(0.3, False), (1.0, True)]
+    rows = calibration_rows(Addition("a", "a:1", p, right, False) for p, right in stated)
+    cells = {row[0]: row[1:4] for row in rows}
+    assert sum(int(row[1]) for row in rows[1:]) == 22
+    assert cells["0.9 to 0.95"] == ["20", "0.920", "18/20 (90.0 %)"] and cells["0.95 to 1"][0] == "1"
 
 
-def outcomes() -> list[tuple[Judged, dict[str, Any]]]:
+def outcomes() -> list[tables.Outcome]:
     foreign = truth(hidden("unknown", "joint2") | {"kind": "vibration"}, kind="unknown")
     rows = [
         (truth(COULOMB), answer("missing", found("coulomb_friction"))),
@@ -281,7 +286,7 @@ def outcomes() -> list[tuple[Judged, dict[str, Any]]]:
         (truth(kind="clean"), answer("nothing-missing")),
         (foreign, answer("unknown", where="joint2")),
     ]
-    return [(judge(t, known(coulomb=2.0), r), t) for t, r in rows]
+    return [tables.outcome(t, known(coulomb=2.0), r) for t, r in rows]
 
 
 def test_tables_and_page(tmp_path: Path) -> None:
@@ -289,13 +294,13 @@ def test_tables_and_page(tmp_path: Path) -> None:
     matrix = tables.confusion(judged)
     assert "1+1✗" in matrix[1]
     assert [row[0] for row in tables.wrong(judged)[1:]] == ["single-2r-000"]
-    assert tables.errors(judged)[1][-1] == "0/1 (0.0 %)"  # two standard errors off
-    assert tables.motor_side(judged)[2] == [
-        "2r", "2", "3", "2 %", "2 %", "0/3 (0.0 %)", "–", "–", "–",
-    ]  # fmt: skip
-    got = {f.what: f for f in figures.figures([case for case, _ in judged])}
-    assert got["2-DOF, one effect, first named right"].reached == "1/2 (50.0 %)"
-    assert got["clean sets, false alarms"].passed is False  # too few
+    rows = {row[0]: row[1:] for row in value_rows([v for o in judged for v in o.said.values])}
+    assert rows["coulomb_friction.coulomb"][-1] == "0/1 (0.0 %)"  # two standard errors off
+    assert rows["2r joint 2: stiffness"] == ["3", "2 %", "2 %", "0/3 (0.0 %)"]
+    table, passed = tables.figures(judged)
+    got = {row[0]: row[1:] for row in table}
+    assert got["2-DOF, one effect, first named right"][1] == "1/2 (50.0 %)"
+    assert got["clean sets without a false alarm"][2] == "**fail**" and not passed  # too few
     page = tmp_path / "page.md"
     document.write(document.parts(judged), page)
     text = page.read_text(encoding="utf-8")
@@ -312,4 +317,4 @@ def test_command_without_results(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ("hits", "count", "text"), [(48, 49, "48/49 (97.9 %)"), (7, 7, "7/7 (100.0 %)"), (0, 0, "–")]
 )
 def test_a_share_below_a_limit_does_not_look_like_it(hits: int, count: int, text: str) -> None:
-    assert st.Share(hits, count).text == text
+    assert Share(hits, count).text == text

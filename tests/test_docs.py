@@ -17,20 +17,38 @@ from benchmarks import licences
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+EFFECTS = sorted((ROOT / "docs" / "effects").glob("*.md"))
+RESULTS = ROOT / "benchmarks" / "results"
 
 
 def test_every_picture_that_a_document_shows_is_there_and_the_other_way_round() -> None:
     shown = set()
-    for page in PAGES:
+    for page in [*PAGES, *EFFECTS, *RESULTS.glob("*.md")]:
         for alt, place in re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
             assert len(alt) > 15, (page.name, place)
             shown.add((page.parent / place).resolve())
-    assert shown == set((ROOT / "docs" / "images").iterdir())
+    folders = (ROOT / "docs", RESULTS)
+    drawn = {picture for one in folders for picture in one.rglob("images/**/*") if picture.is_file()}
+    assert shown == drawn | {picture for picture in (ROOT / "docs" / "effects").glob("*.svg")}
+
+
+def test_llms_txt_names_every_page_by_its_title_and_nothing_else() -> None:
+    docs = ROOT / "docs"
+    text = (docs / "llms.txt").read_text(encoding="utf-8")
+    named = {
+        place: (title, about) for title, place, about in re.findall(r"^- \[(.+)\]\((.+)\): (.+)$", text, re.M)
+    }
+    pages = [*docs.glob("*.md"), *(docs / "reference").glob("*.md"), docs / "effects" / "README.md"]
+    assert set(named) == {page.relative_to(docs).as_posix() for page in pages}
+    for page in docs.glob("*.md"):
+        title = page.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+        assert page.name == "README.md" or named[page.name][0] == title, page.name
 
 
 def test_the_licence_of_every_package_is_listed() -> None:
-    listed = re.findall(r"^\| (\S+) \| \S", licences.PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert len(licences.packages()) > 50 and not set(licences.packages()) - set(listed)
+    lines = re.findall(r"^- \*\*.+\*\*: (.+)$", licences.PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    listed = {name for line in lines for name in line.split(", ")}
+    assert len(licences.packages()) > 50 and not set(licences.packages()) - listed
 
 
 # -- the site ----------------------------------------------------------------------------------------
@@ -75,6 +93,11 @@ def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
             assert "://" not in address, (file, address)
             if file.name != "404.html":
                 assert (file.parent / address.partition("?")[0]).exists(), (file, address)
+
+
+def test_the_site_has_llms_txt_with_its_own_pages(site: Path) -> None:
+    places = re.findall(r"\]\((.+?)\)", (site / "llms.txt").read_text(encoding="utf-8"))
+    assert len(places) > 30 and all((site / place).is_file() for place in places)
 
 
 def test_every_public_name_is_in_the_reference(site: Path) -> None:

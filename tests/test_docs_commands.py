@@ -95,6 +95,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     for module in (sets, flexviz.simulation, study_runs):
         monkeypatch.setattr(module, "make_plan", short_plan)
     monkeypatch.setattr("flexviz.designing.search.GroupSearch.improve", lambda *arguments: None)
+    (tmp_path / "LIMITS.toml").write_text("[default]\nheld_out_percent = 50.0\n")
     (tmp_path / "FILE.toml").write_text("groups = 1\nduration = 5.0\n")
 
     def known(measurements: Any, **options: Any) -> Any:
@@ -117,7 +118,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     monkeypatch.setattr(flexviz.batch, "ClusterChoice", lambda *given, **named: here)
     served: list[Path | None] = []
 
-    def serve(source: Path | None, *, host: str, port: int | None, open_browser: bool) -> None:
+    def serve(source: Path | None, *, host: str, port: int | None, open_browser: bool, **_: Any) -> None:
         assert source is None or source.is_dir()
         served.append(source)
 

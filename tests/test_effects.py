@@ -36,6 +36,7 @@ MOTOR_LAWS = (
     "directional_friction",
     "thinning_friction",
     "load_dependent_friction",
+    "driving_friction",
     "friction_drift",
     "torque_ripple",
     "torque_offset",
@@ -48,6 +49,7 @@ VALUES = {
     "directional_friction": (-0.4,),
     "thinning_friction": (0.9, 0.15),
     "load_dependent_friction": (0.08,),
+    "driving_friction": (0.06, 0.11),
     "presliding_hysteresis": (200.0, 2.0),
     "startup_friction": (1.8, 0.03),
     "friction_drift": (0.8, 2.5),
@@ -403,8 +405,7 @@ def test_command_shows_one(effect: Effect, capsys: pytest.CaptureFixture[str]) -
     assert main(["effects", effect.name]) == 0
     words = " ".join(capsys.readouterr().out.split())
     texts = (effect.title, effect.explanation, simulated_text(effect), effect.signature, effect.confirm)
-    for text in (*texts, effect.reference):
-        assert " ".join(text.split()) in words
+    assert all(" ".join(text.split()) in words for text in (*texts, effect.reference))
     for p in effect.parameters:
         assert f"{p.symbol}: {p.name} [{p.unit}], {bounds_text(p)}: {p.explanation}" in words
 

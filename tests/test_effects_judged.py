@@ -29,6 +29,7 @@ from flexviz.effects.elastic_joint import hardened
 from flexviz.effects.trial import TrialMotion
 from flexviz.errors import InputError
 from flexviz.model import EffectValue
+from flexviz.mounting import GRAVITY
 from tests.test_effects import MOTION, VALUES, value
 
 FRICTION = {"coulomb_friction", "stribeck_friction", "quadratic_friction", "load_dependent_friction"}
@@ -40,13 +41,25 @@ HAVING = {  # trait → the effects that have it, all others do not
     "after_rest": {"startup_friction"},
     "joint_optional": {"torque_delay"},
     "absorbed_by_stiffness": {"stiffness_hardening", "backlash", "joint_damping"},
-    "underrated": {"stiffness_hardening", "backlash", "joint_damping", "load_dependent_friction"},
+    "underrated": {
+        "stiffness_hardening",
+        "backlash",
+        "joint_damping",
+        "load_dependent_friction",
+        "driving_friction",
+    },
     "stopgap": set(),
 }
 SAYING = {  # attribute → what an effect says there, all others its usual value
     "beside": (None, {"stribeck_friction": "coulomb_friction", "startup_friction": "coulomb_friction"}),
-    "replaces": (None, {"presliding_hysteresis": "coulomb_friction"}),
-    "instead_of": (None, {"gravity_compensator": "cable_spring"}),
+    "replaces": (
+        None,
+        {"presliding_hysteresis": "coulomb_friction", "driving_friction": "load_dependent_friction"},
+    ),
+    "instead_of": (
+        None,
+        {"gravity_compensator": "cable_spring", "driving_friction": "load_dependent_friction"},
+    ),
     "offset_parameter": (None, {"cable_spring": "rest_angle"}),
     "fewest_joints": (1, {"motor_coupling": 2, "coupled_friction": 2}),
     "expected": ({}, {"torque_gain": {"gain_error": 0.05}}),
@@ -114,7 +127,11 @@ def test_traits_that_a_law_shows(name: str) -> None:
     other = value(name, replace(MOTION, temperature=MOTION.temperature + 7.0))
     assert effect.by_temperature == (not np.array_equal(u, other))
     stiffer = replace(MOTION, stiffness=1.2 * MOTION.stiffness, motor_viscous=1.3 * MOTION.motor_viscous)
-    if name not in ("load_dependent_friction", "backlash"):  # they follow the torque, which is prescribed
+    if name not in (
+        "load_dependent_friction",
+        "driving_friction",
+        "backlash",
+    ):  # they follow the torque, which is prescribed
         assert effect.state == (not np.array_equal(u, value(name, stiffer)))
     assert not effect.relative or np.allclose(value(name, stiffer), 1.3 * u, rtol=1e-12)
     if effect.linear:
@@ -124,7 +141,7 @@ def test_traits_that_a_law_shows(name: str) -> None:
         before = effect.unknown(MOTION.motions(0)[0], np.array(VALUES[name]))
         assert effect.memory == bool(len(before)) and before.shape[1] == MOTION.count()
         assert effect.depth == (1 if effect.where in ("link", "load") else 3)
-    link_side = "residual" if effect.gravity(np.array(VALUES[name])) is None else "gravity"
+    link_side = "residual" if effect.gravity(np.array(VALUES[name]), np.array(GRAVITY)) is None else "gravity"
     entry = {"motor": "torque", "sensing": "torque", "joint": "deflection"}.get(effect.where, link_side)
     assert effect.terms(MOTION, PLACE, np.array(VALUES[name])).entry == effect.entry == entry
 
@@ -247,7 +264,7 @@ def test_a_gap_that_the_compliance_has_absorbed() -> None:
     backlash, s = EFFECTS["backlash"], MOTION.torque.at(MOTION.time, 1)[0]
     c, b = 1e-3, 0.012
     fitted = float((c * s + b * np.sign(s)) @ s / (s @ s))
-    own = ("backlash", "load_dependent_friction", "stiffness_hardening")
+    own = ("backlash", "load_dependent_friction", "driving_friction", "stiffness_hardening")
     starts = backlash.hidden_starts(s, fitted, c)
     assert starts[-1].values == pytest.approx((b,)) and starts[-1].compliance == pytest.approx(c)
     shares = [start.values[0] / (fitted * rms(s)) for start in starts[:-1]]

@@ -103,6 +103,7 @@ def some_values(effect: str) -> np.ndarray:
         "torque_delay": [0.002],
         "torque_gain": [0.1],
         "stiffness_hardening": [2e5],
+        "driving_friction": [0.1, 0.15],
         "backlash": [0.002],
         "joint_damping": [12.0],
         "cable_spring": [3.0, 0.2],

@@ -17,6 +17,7 @@ from flexviz.measurements import MeasurementSet
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "user_effects.py")
 PRINTS = {  # what a reader of the output looks for
+    "arrays": "are these degrees? expected radians",
     "bandwidth_sweep": "least held-out error at",
     "batch": "planar-2r-demo,missing,coulomb_friction:joint2",
     "export_model": "feed-forward torque",
@@ -76,4 +77,5 @@ def test_the_notebook_runs(
     program.write_text("\n".join(cells), encoding="utf-8")
     monkeypatch.chdir(ROOT)
     runpy.run_path(str(program), run_name="__main__")
-    assert "Nm/rad" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "Nm/rad" in printed and "3 figures" in printed

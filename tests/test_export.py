@@ -241,7 +241,7 @@ def test_all_formats_at_once(
     files = {file.name for file in (tmp_path / "new" / "out").iterdir()}
     assert files == {
         "arm.urdf", "arm.xml", "parameters.json", "parameters.yaml", "arm_dynamics.c", "arm_dynamics.h",
-        "arm_dynamics.py",
+        "arm_dynamics.py", "friction.csv", "elasticity.csv",
     }  # fmt: skip
     assert list((tmp_path / "new").iterdir()) == [tmp_path / "new" / "out"]
     for file in (tmp_path / "new" / "out").iterdir():
@@ -286,7 +286,7 @@ def test_not_converged(folder: Path, found: Identification, tmp_path: Path, caps
         (["--to", "URDF"], 'format "URDF" does not exist'),
         (["--payload", "p9"], 'payload "p9" does not exist; valid: p1, p2'),
         (["--result", "gone.json"], "gone.json: cannot be read"),
-        (["--result", "gone.json", "--refine"], "--result: no identification is run"),
+        (["--result", "gone.json", "--quick"], "--result: no identification is run"),
         (["--effect", "no_such"], 'effect "no_such" does not exist'),
         (["--out", "{full}"], "the folder is not empty, expected a new or empty folder"),
         (["--out", "{full}/there"], "this is a file, expected a new folder"),
@@ -319,7 +319,7 @@ def test_session(
     command = ["export", str(place), "--to", "json", "--out"]
     assert main([*command, str(tmp_path / "none")]) == 2
     assert "the session has no result, expected" in capsys.readouterr().err
-    assert main([*command, str(tmp_path / "none"), "--refine"]) == 2
+    assert main([*command, str(tmp_path / "none"), "--quick"]) == 2
     assert "the saved result is exported" in capsys.readouterr().err
     analysis = session.analysis.with_effects(["torque_offset:joint2"])
     analysis = analysis.with_identification(found, analysis.settings).with_diagnosis(DIAGNOSIS)
@@ -330,7 +330,7 @@ def test_session(
     assert content["verdict"] == "missing" and content["remarks"] == []
     assert same(model_of(read_result(tmp_path / "out" / "parameters.json"), small.joints, "x"), found.model)
     capsys.readouterr()
-    session = session.then("other observer", replace(analysis, observer="eso"))
+    session = session.then("other observer", analysis.with_fit(observer="eso"))
     save_session(session, small, place)
     assert main([*command, str(tmp_path / "later")]) == 0
     assert "settings have been changed since these values were found" in capsys.readouterr().err

@@ -45,6 +45,7 @@ MOTOR = (
     "coulomb_friction", "stribeck_friction", "quadratic_friction", "directional_friction",
     "thinning_friction",
     "load_dependent_friction",
+    "driving_friction",
     "friction_drift", "torque_ripple", "torque_offset", "torque_gain", "stiffness_hardening",
     "transmission_error", "base_tilt", "motor_coupling", "coupled_friction",
     "presliding_hysteresis",

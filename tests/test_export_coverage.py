@@ -10,7 +10,7 @@ from flexviz.effects import EFFECT_NAMES, EFFECTS
 from flexviz.errors import InputError
 from flexviz.exporting import FORMATS, LeftOut, Written, coverage
 from flexviz.exporting.coverage import REGISTRIES, PerJoint, PerRow
-from tests import test_export_code, test_export_robot
+from tests import test_compensation, test_export_code, test_export_robot
 from tests.exporting_cases import identified, plan, short_set
 
 
@@ -47,6 +47,7 @@ def test_whatever_is_written_is_checked(target: str) -> None:
         "mjcf": test_export_robot.MJCF_CHECKED,
         "yaml": EFFECT_NAMES,  # test_export.test_every_effect_comes_back
         "json": EFFECT_NAMES,
+        "table": test_compensation.CHECKED,
     }
     assert names(target, Written) == set(checked[target])
 
@@ -55,7 +56,7 @@ def test_an_effect_without_an_entry_is_found(monkeypatch: pytest.MonkeyPatch, tm
     for registry in {id(r): r for r in REGISTRIES.values()}.values():
         monkeypatch.delitem(registry, "torque_ripple")
     undecided = {target for (_, target), entry in coverage().items() if entry is None}
-    assert undecided == {"urdf", "mjcf", "c", "python"}
+    assert undecided == {"urdf", "mjcf", "c", "python", "table"}
     made = identified(short_set("planar-2r", tmp_path), plan("planar-2r", "torque_ripple:joint1").model)
     for target in undecided:
         assert FORMATS[target](made).left_out == ["torque_ripple:joint1: no export is registered for it"]

@@ -14,15 +14,7 @@ import pytest
 
 from benchmarks.diagnosis_study.laws import FrictionBump
 from flexviz.cli import main
-from flexviz.diagnosis import (
-    Diagnosis,
-    FreeCurve,
-    ResidualLocation,
-    Step,
-    draft_from_curve,
-    why_no_curve,
-    with_free_curve,
-)
+from flexviz.diagnosis import Diagnosis, Step, draft_from_curve, why_no_curve, with_free_curve
 from flexviz.diagnosis.candidates import candidates
 from flexviz.effects import (
     CURVES,
@@ -43,6 +35,7 @@ from flexviz.exporting.parameters import curve_files
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.records import FreeCurve, ResidualLocation
 from flexviz.results import read_result
 from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
@@ -86,10 +79,13 @@ def found(bumpy: MeasurementSet, plain: Identification, variable: str = "positio
         "joint2", variable, "rad", ("forward", "backward"), np.linspace(-1, 1, 5), np.zeros((2, 5)),
         np.ones((2, 5)), 0.9, 0.01, 1.0,
     )  # fmt: skip
-    step = Step(None, errors.rms, errors.rms_validation, "unknown", (), errors.noise_floor, plain.model)
+    step = Step(
+        None, errors.rms, errors.rms_validation, (), errors.noise_floor, plain.model, verdict="unknown"
+    )
     return Diagnosis(
-        bumpy.name, "unknown", (), (ResidualLocation("joint2", "position", 0.9, (-1.0, 1.0)),), (step,), (),
-        plain.parameters, 1.0, model=plain.model, free_curve=curve, torque_spread=bumpy.torque_spread,
+        set_name=bumpy.name, verdict="unknown", findings=(), steps=(step,), effects=(), seconds=1.0,
+        where=(ResidualLocation("joint2", "position", 0.9, (-1.0, 1.0)),), parameters=plain.parameters,
+        model=plain.model, free_curve=curve, torque_spread=bumpy.torque_spread,
     )  # fmt: skip
 
 

@@ -216,7 +216,7 @@ class CurvedEquation:
 
     has_state = False
     signals = SimpleNamespace(tau=np.ones((1, 2, 1)))
-    layout = SimpleNamespace(compliance=slice(0, 0))
+    layout = SimpleNamespace(compliance=slice(0, 0), fitted=np.ones(1))
 
     def __init__(self, curvature: float) -> None:
         self.curvature = curvature

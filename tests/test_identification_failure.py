@@ -10,8 +10,8 @@ import pytest
 from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.identification.failure import Unrest, unexplained, unrest_by_residual, why_not
-from flexviz.identification.result import ParameterEstimate, ResidualSummary
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.records import ParameterEstimate, ResidualSummary
 from flexviz.resources import sessions_dir
 from flexviz.wording import percent
 
@@ -50,13 +50,13 @@ def test_a_converged_fit_that_explains_nothing_of_a_joint_says_so() -> None:
 
 def test_a_plain_fit_that_runs_out_of_steps_says_what_still_moves() -> None:
     measurements = read_set(sessions_dir() / "planar-2r-demo")
-    result = identify(measurements, max_iterations=1, bandwidth=30.0)
+    result = identify(measurements, max_iterations=1, refine=False, bandwidth=30.0)
     assert not result.converged and " cannot be fitted, because " in result.message
     assert "nan" not in result.message
 
 
 def estimate(name: str, joint: str, grade: str = "yes", at_bound: bool = False) -> ParameterEstimate:
-    return ParameterEstimate(name, joint, 1.0, 0.1, "-", 1.0, grade, (), at_bound)  # type: ignore[arg-type]
+    return ParameterEstimate(name, joint, 1.0, 0.1, "-", grade, 1.0, (), at_bound)  # type: ignore[arg-type]
 
 
 def test_reasons() -> None:

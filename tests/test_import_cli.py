@@ -150,7 +150,7 @@ def test_look_then_import(
     monkeypatch.chdir(tmp_path)
     assert main(["import", "run.csv", "--robot", "robot.urdf", "--mapping", "arm.toml"]) == 0
     out, errors = lines_of(capsys)
-    assert not errors and out[-1] == "arm.toml: read and correct it, then flexviz import arm.toml --out SET"
+    assert not errors and out[-1] == "arm.toml written: check it, then run flexviz import arm.toml --out SET"
     assert main(["import", "arm.toml", "--out", "set", "--format", "csv", "--json", "report.json"]) == 0
     out, errors = lines_of(capsys)
     assert not errors and out[0].startswith(

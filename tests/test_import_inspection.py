@@ -170,11 +170,11 @@ def test_csv_in_degrees_with_a_joint_turned_round(tmp_path: Path) -> None:
     inspection = inspect_logs([log], str(tmp_path / "robot.urdf"))
     assert inspection.draft.time == {"column": "Time [ms]", "unit": "ms"} and not inspection.issues
     text = written(tmp_path, inspection).read_text()
-    assert 'theta = { from = "pos_1", unit = "deg" }\n' in text
+    assert 'theta = {from = "pos_1", unit = "deg"}\n' in text
     low, high = np.rad2deg(DATA.theta[:, 0].min()), np.rad2deg(DATA.theta[:, 0].max())
     seen = f"# theta: {low:.4g} … {high:.4g}; position, joints by number"
     assert seen in text
-    assert 'tau = { from = "torque_2", sign = -1 }' in text
+    assert 'tau = {from = "torque_2", sign = -1}' in text
     assert 'robot = "robot.urdf"' in text and "step 0.002 s; the unit is stated" in text
     assert re.search(r'with unit = "deg" the robot.s masses explain \d+ %', text)
     same(tmp_path, tmp_path / "found.toml")

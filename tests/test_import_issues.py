@@ -16,15 +16,14 @@ import pyarrow.parquet as pq
 import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
-from flexviz.cli.loading import ReadMeanwhile
-from flexviz.errors import InputError
+from flexviz.cli import analysis
+from flexviz.errors import Cancelled
 from flexviz.importing import import_logs, with_plausibility_warnings
+from flexviz.importing.comparison import LoadedTable
 from flexviz.importing.delays import delay_issues, torque_delay
 from flexviz.importing.mapping import Fix, Issue, Mapping, parse
 from flexviz.importing.plausibility import check_groups
-from flexviz.importing.torque_model import LoadedTable
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
-from flexviz.parallel import on_cores, usable_cores
 from flexviz.robot import Robot
 
 DEGREE = np.pi / 180
@@ -177,11 +176,10 @@ def test_gear_that_nobody_named() -> None:
 
 
 def test_a_wrong_sign_beside_a_wrong_zero_is_that_of_tau() -> None:
-    """A turned round θ of joint 1 would look nearly the same."""
+    """A turned round θ of joint 1 would explain nearly as much."""
     issues = found(tables(tau=one, zero=np.array([0.0, np.pi])))
     fixes = {(f.joint, f.signal, f.key, f.value) for s in issues for f in s.fixes}
     assert fixes == {("joint1", "tau", "sign", -1), ("joint2", "theta", "offset", 3.141593)}
-    assert "or that of theta instead, which these data do not tell apart" in issues[0].message
 
 
 def with_motor_friction(drive: Any, size: float, *, theta_too: bool = False, tau: bool = True) -> list[Any]:
@@ -212,7 +210,9 @@ def test_a_missing_coupling_is_named(drive: Any, theta_too: bool) -> None:
     assert shown(drive, "theta and tau" if theta_too else "tau") in issue.message
     assert found(with_motor_friction(drive, 20.0, tau=False)) == []  # converted: only friction is coupled
     little = found(with_motor_friction(drive, 5.0, tau=False))
-    assert all("unless tau was converted already" in issue.message for issue in little)
+    assert all(
+        "or tau was converted already and only the friction is coupled" in issue.message for issue in little
+    )
 
 
 @pytest.mark.parametrize("turns", [0.5, -0.5, 1.0])
@@ -346,25 +346,25 @@ def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
 
 
 def test_a_diagnosis_says_what_its_set_contradicts(
-    demo: MeasurementSet, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    demo: MeasurementSet, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A core that checks the set beside the analysis says the same, and a bad set is one error."""
+    """The command warns before it begins to search."""
     folder = shutil.copytree(demo.path, tmp_path / "set")
     for group in demo.groups:
         table = pq.read_table(folder / group.file.name)
         at = table.column_names.index("tau_joint2")
         turned = table.set_column(at, "tau_joint2", pa.array(-table["tau_joint2"].to_numpy()))
         pq.write_table(turned, folder / group.file.name)
-    with on_cores(usable_cores()):
-        reading = ReadMeanwhile(folder)
-        assert reading.result().joints == demo.joints
-        with caplog.at_level("WARNING"):
-            reading.warn(wait=True)
-            reading.warn(wait=True)
+
+    def begun(measurements: MeasurementSet, **_: object) -> None:
         (text,) = caplog.messages
-        assert "tau of joint2: with sign = -1" in text
-        with pytest.raises(InputError, match="file not found"):
-            ReadMeanwhile(tmp_path / "nothing").result()
+        assert measurements.joints == demo.joints and "tau of joint2: with sign = -1" in text
+        raise Cancelled
+
+    monkeypatch.setattr("flexviz.diagnosis.diagnose", begun)
+    options: dict[str, Any] = dict(guard=None, free_curve=False, draft_effect=None, json_file=None)
+    with caplog.at_level("WARNING"), pytest.raises(Cancelled):
+        analysis.diagnose(folder, apply=False, decoys=False, **options)
 
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice cases are not here")

@@ -15,10 +15,11 @@ from flexviz.cli import main
 from flexviz.diagnosis import diagnose
 from flexviz.errors import InputError
 from flexviz.identification import identify
-from flexviz.importing import import_logs, importing, inspect_logs
+from flexviz.importing import import_logs, inspect_logs
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.noise import white_noise
 
+pytestmark = pytest.mark.usefixtures("no_delay")
 CASES = ((1, "coulomb_friction", "2r"), (2, "none", "2r"), (3, "coulomb_friction", "ur5"))
 ALL = {kind for one in KINDS.values() for kind in one.names} | {"jumps"}
 
@@ -30,12 +31,6 @@ def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("good") / robot
     make_case(seed, kind, robot, folder, duration=10.0)
     return read_set(folder, logged=False)
-
-
-@pytest.fixture(autouse=True)
-def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The delay of the torque is another matter, and takes seconds."""
-    monkeypatch.setattr(importing, "torque_delay", lambda *arguments: None)
 
 
 @pytest.mark.parametrize("name", KINDS)

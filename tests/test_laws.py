@@ -48,7 +48,7 @@ def simulated(effect: str, folder: Path) -> tuple[MeasurementSet, tuple[str, ...
 
 def last_law(measurements: MeasurementSet, effects: tuple[str, ...], refine: bool) -> LawThroughData:
     found = identify(measurements, effects=effects, refine=refine)
-    return laws_of(measurements, found.model, effects, found.covariance)[-1]
+    return laws_of(measurements, found.model, effects, found.chance_covariance)[-1]
 
 
 @pytest.mark.parametrize("effect", EFFECTS)

@@ -136,10 +136,10 @@ def test_seven_effects_at_once():
     name = "robotlike-2r-00"
     truth = json.loads((SHARED / "truth" / f"{name}.json").read_text())
     result = diagnose(read_set(SHARED / "cases" / name), apply=True)
-    found = {(e["effect"], e["joint"]): e["parameters"] for e in result.effects}
+    found = {(e.effect, e.joint): e.parameters for e in result.effects}
     assert set(found) == {(e["effect"], e["joint"]) for e in truth["effects"]}
     errors = [
-        abs(found[e["effect"], e["joint"]][k]["value"] / v - 1)
+        abs(found[e["effect"], e["joint"]][k].value / v - 1)
         for e in truth["effects"]
         for k, v in e["parameters"].items()
     ]
@@ -174,7 +174,7 @@ def test_what_a_few_usual_effects_explain_is_not_sought_elsewhere(tmp_path):
         guarded=False,
         progress=lambda news: told.append(news.text),
     )
-    found = {(e["effect"], e["joint"]): e["parameters"]["coulomb"]["value"] for e in result.effects}
+    found = {(e.effect, e.joint): e.parameters["coulomb"].value for e in result.effects}
     right = {("coulomb_friction", "joint1"): 4.0, ("coulomb_friction", "joint2"): 2.0}
     assert found == pytest.approx(right, rel=1e-3)
     assert result.steps[-1].verdict == "nothing-missing"

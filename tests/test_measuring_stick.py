@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 
 from benchmarks import changed_constant, constant_worth, constants, filtered_logs, servo_joint
+from benchmarks.diagnosis_study.judging import Judgement, judge
 from benchmarks.filtered_logs import FILTERS
 from benchmarks.measuring_stick.__main__ import main, named_command
-from benchmarks.measuring_stick.judging import Judgement, judge
-from benchmarks.measuring_stick.recorded import stated_share
-from benchmarks.measuring_stick.report import report
-from benchmarks.measuring_stick.running import read_result
-from benchmarks.measuring_stick.sets import StickSet, find_sets
+from benchmarks.measuring_stick.report import report, stated_share
+from benchmarks.measuring_stick.sets import CLASSES, MANY, find_sets
 from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.making import write_case
+from benchmarks.running import read, result_file
 from flexviz.measurements import read_set
 
 Json = dict[str, Any]
@@ -46,51 +45,47 @@ def result(verdict: str, *effects: Json, last: str = "nothing-missing", cpu: flo
     return {"exit": 0, "wall": 3.0, "cpu": cpu, "peak_mb": 300.0, "diagnosis": got}
 
 
-def judged(folder: Path, kind: str, hidden: list[Json], got: Json, **more: Any) -> Judgement:
+def judged(kind: str, hidden: list[Json], got: Json, **more: Any) -> Judgement:
     truth = {"case": "a", "robot": "2r", "base": [], "effects": hidden} | more
-    file = folder / "truth.json"
-    file.write_text(json.dumps(truth))
-    return judge(StickSet("a", kind, folder, file), got)
+    return judge(truth, got, CLASSES[kind] == MANY)
 
 
-def test_few_effects(tmp_path: Path) -> None:
+def test_few_effects() -> None:
     both = [COULOMB, RIPPLE]
     right = [
         added("coulomb_friction", "joint1", coulomb=2.1),
         added("torque_ripple", "joint2", amplitude=-0.5),
     ]
-    good = judged(tmp_path, "pair", both, result("missing", *right))
+    good = judged("pair", both, result("missing", *right))
     assert good.right and good.verdict_right and good.first_right and not good.missed
-    assert good.value_errors == pytest.approx((0.05, 0.0)) and good.held_out == pytest.approx(0.1)
-    assert good.stated == ((0.95, True), (0.95, True)) and good.peak == 300.0
-    wrong = judged(tmp_path, "pair", both, result("missing", added("backlash", "joint1"), *right[:1]))
-    assert wrong.missed == ("torque_ripple:joint2",) and wrong.false == ("backlash:joint1",)
+    assert good.effect_errors == pytest.approx([0.05, 0.0]) and good.held_out == pytest.approx(0.1)
+    assert [(a.confidence, a.right) for a in good.additions] == [(0.95, True)] * 2 and good.peak == 300.0
+    wrong = judged("pair", both, result("missing", added("backlash", "joint1"), *right[:1]))
+    assert wrong.missed == ["torque_ripple:joint2"] and wrong.false == ["backlash:joint1"]
     assert wrong.right is False and wrong.first_right is False and wrong.verdict_right
-    weak = judged(tmp_path, "pair", both, result("nothing-missing"), weak=True)
-    assert not weak.must and weak.right is None and weak.first_right is None
-    lost = judged(tmp_path, "pair", both, {"error": "no answer in 5 s", "cpu": 5, "wall": 5, "peak_mb": 1})
+    weak = judged("pair", both, result("nothing-missing"), weak=True)
+    assert not weak.must and not weak.asked and good.asked
+    lost = judged("pair", both, {"error": "no answer in 5 s", "cpu": 5, "wall": 5, "peak_mb": 1})
     assert lost.error and len(lost.missed) == 2 and lost.right is False and lost.held_out is None
 
 
-def test_clean_and_unknown(tmp_path: Path) -> None:
-    clean = judged(tmp_path, "clean", [], result("nothing-missing"))
-    assert clean.right and clean.verdict_right and not clean.must and clean.first_right is None
-    alarm = judged(tmp_path, "clean", [], result("missing", added("backlash", "joint1")))
-    assert alarm.right is False and alarm.false == ("backlash:joint1",) and not alarm.verdict_right
+def test_clean_and_unknown() -> None:
+    clean = judged("clean", [], result("nothing-missing"))
+    assert clean.right and clean.verdict_right and not clean.must
+    alarm = judged("clean", [], result("missing", added("backlash", "joint1")))
+    assert alarm.right is False and alarm.false == ["backlash:joint1"] and not alarm.verdict_right
     got = result("missing", added("backlash", "joint2"), last="unknown")
-    found = judged(tmp_path, "unknown", [BUMP], got)
-    assert found.right and found.verdict_right and not found.false  # an imitation
-    assert found.stated == ((0.95, False),)
+    found = judged("unknown", [BUMP], got)
+    assert found.right and found.verdict_right and not found.false and found.imitations == ["backlash:joint2"]
+    assert [(a.confidence, a.right) for a in found.additions] == [(0.95, False)]
 
 
-def test_many_effects(tmp_path: Path) -> None:
+def test_many_effects() -> None:
     hidden = [e | {"share": share} for e, share in ((COULOMB, 0.2), (RIPPLE, 0.02))]
-    good = judged(tmp_path, "filtered", hidden, result("missing", added("link_coulomb_friction", "joint1")))
-    assert good.must == ("coulomb_friction:joint1",) and good.right and good.first_right
-    wrong = judged(
-        tmp_path, "filtered", hidden, result("missing", added("torque_gain", "joint1"), last="unknown")
-    )
-    assert wrong.false == ("torque_gain:joint1",) and not wrong.verdict_right and wrong.right is False
+    good = judged("filtered", hidden, result("missing", added("link_coulomb_friction", "joint1")))
+    assert good.must == ["coulomb_friction:joint1"] and good.right and good.first_right
+    wrong = judged("filtered", hidden, result("missing", added("torque_gain", "joint1"), last="unknown"))
+    assert wrong.false == ["torque_gain:joint1"] and not wrong.verdict_right and wrong.right is False
 
 
 def test_sets_and_report(tmp_path: Path) -> None:
@@ -121,8 +116,10 @@ def test_sets_and_report(tmp_path: Path) -> None:
     cells = {
         tuple(c.strip() for c in line.split("|")[1:3]): line for line in text.splitlines() if "|" in line
     }
-    assert "| 1/1 | 0 | 1/1 | 1/1 | 1/1 | 0.1 | 0, 0 | 1/1 | 2 | 1.00 | 300 |" in cells["arms-single", "old"]
-    assert "| 0/1 | 0 | 0/1 | 0/1 | 0/1 | 1 | – | – | 1 | 0.50 | 300 |" in cells["arms-single", "new"]
+    assert (
+        "| 1/1 | 0 | 1/1 | 1/1 | 1/1 | 0.1 | 0, 0 | 1/1 | 2 | 2 | 1.00 | 300 |" in cells["arms-single", "old"]
+    )
+    assert "| 0/1 | 0 | 0/1 | 0/1 | 0/1 | 1 | – | – | 1 | 1 | 0.50 | 300 |" in cells["arms-single", "new"]
     assert "| 1.00 |" in cells["clean", "new"] and "| 2/3 |" not in cells["clean", "new"]
     assert "fresh-7/diagnosis/single-ur5-000-b (worse)" in text and text.count("(worse)") == 1
     assert stated_share(friction["diagnosis"]) == pytest.approx([0.1, 0.2])
@@ -151,8 +148,8 @@ def test_two_commands_take_turns_and_are_kept(tmp_path: Path, monkeypatch: pytes
     for _ in range(2):
         assert main(["run", "--work", str(tmp_path), *commands]) == 0
     assert (folder / "cases" / "calls").read_text() == "abba"
-    kept = read_result(tmp_path, "a", "fresh-1/robotlike/x")
-    assert kept is not None and kept["diagnosis"]["verdict"] == "a" and kept["cpu"] > 0
+    kept = read(result_file(tmp_path / "results" / "a", "fresh-1/robotlike/x"))
+    assert kept["diagnosis"]["verdict"] == "a" and kept["cpu"] > 0
     assert named_command("a=b c") == ("a", ("b", "c"))
     with pytest.raises(Exception, match="NAME=CMD"):
         named_command("flexviz")

@@ -1,8 +1,13 @@
-"""What the diagnosis does not get right yet. A case that passes moves to the tests of its subject."""
+"""What the diagnosis does not get right yet, or only just does.
+
+Each open case takes a minute or two: `pytest -m study tests/test_open_cases.py` runs them. A case that passes
+there moves to the tests of its subject.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +32,14 @@ from tests.test_varying_size import with_growing_friction
 from tests.unknown_laws import Rough, set_with
 
 BY_LOAD = "load_dependent_friction:joint2"
-not_yet = pytest.mark.xfail(strict=True, reason="not right yet")
+OPEN = pytest.mark.xfail(strict=True, reason="not right yet"), pytest.mark.study
+
+
+def not_yet(case: Any) -> Any:
+    """An open case: it runs with the studies, and fails once it is right."""
+    for mark in OPEN:
+        case = mark(case)
+    return case
 
 
 def studied(folder: Path, seed: int, name: str) -> Diagnosis:
@@ -123,19 +135,18 @@ def test_a_law_that_a_curve_describes_alone_has_no_effect_beside_it(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    "hidden",
+    ("hidden", "seed"),
     [
         pytest.param(
-            {"cable_spring:joint2": "stiffness=9,rest_angle=0.6", BY_LOAD: "coefficient=0.1"}, marks=not_yet
+            {"cable_spring:joint2": "stiffness=9,rest_angle=0.6", BY_LOAD: "coefficient=0.1"}, 5, marks=OPEN
         ),
-        {"stiffness_hardening:joint2": "cubic_stiffness=3e6", BY_LOAD: "coefficient=0.01"},
-        {"backlash:joint2": "half_width=0.004"},
+        ({"stiffness_hardening:joint2": "cubic_stiffness=3e6", BY_LOAD: "coefficient=0.01"}, 7),
+        ({"backlash:joint2": "half_width=0.004"}, 7),
     ],
     ids=["spring", "hardening", "backlash"],
 )
-def test_what_is_hidden_on_one_joint_is_found(hidden: dict[str, str], tmp_path: Path) -> None:
+def test_what_is_hidden_on_one_joint_is_found(hidden: dict[str, str], seed: int, tmp_path: Path) -> None:
     texts = [f"{place}:{values}" for place, values in hidden.items()]
-    seed = 5 if len(hidden) == 2 and "cable_spring:joint2" in hidden else 7
     result = diagnose(planar_set(tmp_path / "set", texts, seed, groups=HELD_OUT), apply=True)
     assert set(added(result)) == set(hidden) and result.steps[-1].verdict == "nothing-missing"
 

@@ -33,9 +33,10 @@ def test_pictures_are_written_where_they_are_asked_for(
     assert command.main(["--out", str(tmp_path / "new")]) == 0
     assert asked == [False, True]
     assert (tmp_path / "new" / "app.png").stat().st_size == 2000 and "2 kB" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        command.main(["--colour"])
-    assert command.parser().parse_args([]).out == command.FOLDER
+    assert command.FOLDER.parts[-2:] == ("docs", "images")
+    monkeypatch.setattr(command, "FOLDER", tmp_path / "usual")
+    assert command.main([]) == 0 and (tmp_path / "usual" / "app.png").is_file()
+    assert command.main(["--colour"]) == 2 and "--colour" in capsys.readouterr().err
 
 
 def test_an_animation_changes_parts_of_its_picture() -> None:

@@ -9,19 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz._pinocchio import pin
 from flexviz.errors import ConvergenceError
 from flexviz.identification import identify
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.recording import record_set
 from flexviz.recording.paths import path
-from flexviz.recording.scene import quaternions
 from flexviz.recording.signals import broken_at_gaps, stride_for
-from flexviz.scene import measured_motion, with_replay
+from flexviz.scene import measured_motion, robot_shape, with_replay
 from flexviz.simulation import replay
 from flexviz.wording import as_markdown
-from tests.recorded import Read, blueprint_of
+from tests.recorded import Read, blueprint_of, pose_of
 from tests.small_set import write_small_set
 
 FIRST, HELD_OUT = "t1p1", "t4p2"
@@ -123,10 +121,30 @@ def test_residual_and_iterations(pair: MeasurementSet, result: Any, content: Rea
     )
     stages = content.component("/results/1/optimiser/stage", "StateChange:state")
     assert list(stages) == [iteration.stage for iteration in result.iterations]
+    lanes = content.component("/results/1/optimiser/stage", "StateConfiguration:values")
+    assert list(lanes) == list(dict.fromkeys(stages))
     where = path("results", "1", "estimates", "stiffness", pair.joints[0])
     assert content.component(where, "value")[0] == stiffness.value
     assert content.component(where, "variance")[0] == pytest.approx(stiffness.std**2)
     assert content.component(where, "unit")[0] == "Nm/rad"
+
+
+def test_a_mounted_robot_is_recorded_as_it_is_mounted(pair: MeasurementSet, tmp_path: Path) -> None:
+    robot = pair.robot.mounted((9.81, 0.0, 0.0))
+    content = Read(record_set(replace(pair, robot=robot), None, tmp_path / "wall.rrd").file)
+    root, prefix = path("groups", FIRST, "robots", "measured"), f"measured/{FIRST}/"
+    frames, theta = content.frames(root), measured_motion(pair, pair.group(FIRST), None).theta
+    base = pose_of(frames, prefix + "base", 0)
+    for row in (0, 137):
+        for link, pose in robot.link_poses(theta[row]).items():
+            pose[:3, 3] += base[:3, 3]
+            np.testing.assert_allclose(pose_of(frames, prefix + link, row), pose, atol=1e-6)
+    assert base[2, 0] == pytest.approx(-1.0)  # its x, along which things fall, points down
+    trail = np.array(content.component(f"{root}/trail", "LineStrips3D:strips").tolist()).reshape(-1, 3)
+    tip = [robot.link_poses(row)[robot_shape(robot).tip][:3, 3] for row in theta]
+    np.testing.assert_allclose(trail @ base[:3, :3].T, tip, atol=1e-5)
+    (label,) = content.component(f"{root}/label", "Points3D:positions").reshape(-1, 3) @ base[:3, :3].T
+    assert label[2] > 0.1 and np.abs(label[:2]).max() < 1e-6
 
 
 def test_both_robots_move(pair: MeasurementSet, result: Any, content: Read) -> None:
@@ -141,26 +159,28 @@ def test_both_robots_move(pair: MeasurementSet, result: Any, content: Read) -> N
     )
     motion = with_replay(measured_motion(pair, group, result), run)
     assert motion.model_theta is not None
+    offsets = []
     for name, theta in (("measured", motion.theta), ("identified", motion.model_theta)):
+        root, prefix = path("groups", FIRST, "robots", name), f"{name}/{FIRST}/"
+        frames = content.frames(root)
+        assert frames[f"{prefix}base"].parent is None  # the scene's
+        assert {frame.removeprefix(prefix) for frame in frames} == {"base", "link1", "link2"}
+        offsets.append(frames[f"{prefix}base"].places[0])
+        for entity, link in (("trail", "base"), ("label", "base"), ("link1", "link1"), ("link2", "link2")):
+            assert content.component(f"{root}/{entity}", "CoordinateFrame:frame") == [prefix + link]
         for link in ("link1", "link2"):
-            entity = path("groups", FIRST, "robots", name, link)
-            positions = content.component(entity, "Transform3D:translation")
-            turns = content.component(entity, "Transform3D:quaternion")
-            assert len(positions) == len(turns) == len(motion.time)
+            assert len(frames[prefix + link].places) == len(motion.time)
             for row in (0, 137, len(motion.time) - 1):
-                pose = pair.robot.link_poses(theta[row])[link]
-                np.testing.assert_allclose(positions[row], pose[:3, 3], atol=1e-6)
-                np.testing.assert_allclose(
-                    pin.Quaternion(*turns[row][[3, 0, 1, 2]]).matrix(), pose[:3, :3], atol=1e-6
-                )
+                expected = pair.robot.link_poses(theta[row])[link]
+                expected[:3, 3] += offsets[-1]
+                np.testing.assert_allclose(pose_of(frames, prefix + link, row), expected, atol=1e-6)
+            entity = f"{root}/{link}"
             vertices = content.component(entity, "Mesh3D:vertex_positions")
             faces = content.component(entity, "Mesh3D:triangle_indices")
             assert len(vertices) > 20 and faces.max() < len(vertices)
             normals = content.component(entity, "Mesh3D:vertex_normals")
             outwards = vertices[faces] - np.mean(vertices[faces], axis=(0, 1))
             assert np.mean(np.sum(normals[faces] * outwards, axis=-1) > 0.0) > 0.7
-    roots = [path("groups", FIRST, "robots", name) for name in ("measured", "identified")]
-    offsets = [content.component(root, "Transform3D:translation")[0] for root in roots]
     assert np.linalg.norm(offsets[0] - offsets[1]) > 1.0
     for j, joint in enumerate(pair.joints):
         instants, values = content.line(path("results", "1", "groups", FIRST, "simulated", "theta", joint))
@@ -171,6 +191,9 @@ def test_both_robots_move(pair: MeasurementSet, result: Any, content: Read) -> N
         entity for entity in content.batches if f"/{HELD_OUT}/" in entity and entity.endswith("payload\\ 1")
     ]
     assert len(heavier) == 2
+    carried = {frame for entity in heavier for frame in content.component(entity, "CoordinateFrame:frame")}
+    assert carried == {f"{name}/{HELD_OUT}/link2" for name in ("measured", "identified")}
+    assert len(content.frames("/groups")) == 2 * 2 * 3  # no two robots, in no two groups, share a frame
 
 
 def test_simulated_data_are_called_simulated(content: Read) -> None:
@@ -275,23 +298,6 @@ def test_no_view_of_states_is_empty(name: str, tmp_path: Path) -> None:
 
 
 # -- parts -------------------------------------------------------------------------------------------
-
-
-def test_quaternions() -> None:
-    rng = np.random.default_rng(0)
-    axes = rng.normal(size=(400, 3))
-    axes[:100] = np.eye(3)[rng.integers(0, 3, 100)]
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    angles = rng.uniform(-np.pi, np.pi, 400)
-    angles[:3] = np.pi
-    rotations = np.array(
-        [pin.AngleAxis(angle, axis).matrix() for angle, axis in zip(angles, axes, strict=True)]
-    )
-    found = quaternions(rotations)
-    back = np.array([pin.Quaternion(w, x, y, z).matrix() for x, y, z, w in found])
-    np.testing.assert_allclose(back, rotations, atol=1e-12)
-    smooth = quaternions(np.array([pin.AngleAxis(a, axes[0]).matrix() for a in np.linspace(0, 12, 500)]))
-    assert np.linalg.norm(np.diff(smooth, axis=0), axis=1).max() < 0.02
 
 
 def test_gaps_and_strides() -> None:

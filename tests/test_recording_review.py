@@ -22,7 +22,7 @@ from flexviz.recording.comparing import compare_recordings
 from flexviz.recording.viewers import free_port, has_display, show_in_window, web_viewer
 from flexviz.session import save_session
 from tests.found import DIAGNOSIS
-from tests.recorded import Read, blueprint_of
+from tests.recorded import Read, blueprint_of, pose_of
 from tests.small_session import small_session
 
 
@@ -141,6 +141,15 @@ def test_side_by_side(files: tuple[Path, Path], tmp_path: Path, capfd: Any) -> N
     both, alone = Read(tmp_path / "both.rrd"), Read(files[1])
     entity = "/groups/g1/measured/theta/joint1"
     assert (both.line(f"/B{entity}")[1] == alone.line(entity)[1]).all() and f"/A{entity}" in both.batches
+    frames, own = both.frames("/"), alone.frames("/")
+    assert set(frames) == {f"{side}/{frame}" for side in "AB" for frame in own} and len(own) == 3
+    for row in (0, 7):  # side by side, and each robot as it was
+        for side in "AB":
+            moved = pose_of(frames, f"{side}/measured/g1/link2", row)
+            assert (moved == pose_of(own, "measured/g1/link2", row)).all()
+        assert f"{side}/measured/g1/link1" in both.component(
+            f"/{side}/groups/g1/robots/measured/link1", "CoordinateFrame:frame"
+        )
     assert "**" in both.text("/comparison") and "| effects |" in both.text("/comparison")
     blueprint = blueprint_of(tmp_path / "both.rrd")
     views = " ".join(entry[0] for entry in blueprint["ViewBlueprint:display_name"] if entry)

@@ -15,13 +15,13 @@ import pytest
 
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.records import EffectParameter, GroupError, Note
 from flexviz.report import diagnosed_session, session_report
 from flexviz.report.content import gather
 from flexviz.report.html import html
 from flexviz.report.markdown import markdown
 from flexviz.report.sections.summary import sentence
 from flexviz.report.writing import compose
-from flexviz.results import Note
 from flexviz.session import Session
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
 from tests.small_session import small_session
@@ -295,11 +295,11 @@ def test_names_notes_and_results_are_only_text(tmp_path: Path) -> None:
     finding: Any = replace(
         COULOMB,
         inseparable_from=(replace(COULOMB.inseparable_from[0], joint=BAD, breaks=BAD),),
-        parameters={BAD: (1.0, 0.1, BAD)},
+        parameters={BAD: EffectParameter(1.0, 0.1, BAD)},
         absorbed=(replace(COULOMB.absorbed[0], joint=BAD, unit=BAD),),
     )
     parameters = tuple(replace(p, unit=BAD, tied_to=(BAD,)) for p in DIAGNOSIS.parameters)
-    steps = (BEFORE, replace(AFTER, added=finding, groups=((BAD, (1.0, 2.0), True),)))
+    steps = (BEFORE, replace(AFTER, added=finding, groups=(GroupError(BAD, (1.0, 2.0), True),)))
     diagnosis = replace(
         DIAGNOSIS, findings=(finding,), notes=(Note("other", BAD),), parameters=parameters, steps=steps,
         maps=tuple(replace(m, unit=BAD, curves=tuple(BAD for _ in m.curves)) for m in DIAGNOSIS.maps),

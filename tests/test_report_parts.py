@@ -15,8 +15,9 @@ import pytest
 from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon
 from flexviz.charts.svg import draw_svg, log_ticks, stretches, ticks
 from flexviz.cli import main
-from flexviz.diagnosis import Diagnosis, EffectParameter
+from flexviz.diagnosis import Diagnosis
 from flexviz.measurements import read_set
+from flexviz.records import EffectParameter
 from flexviz.report import diagnosed_session, session_report
 from flexviz.report.sections.errors import columns
 from flexviz.session import Session, diagnosed_models, is_session, open_session, save_session
@@ -292,13 +293,13 @@ def test_effects_of_one_kind_are_one_part_with_a_value_per_joint(tmp_path: Path)
     assert "| **Added: Coulomb friction** | joint1 | coulomb 7.000 ± 0.039 Nm | 96 % | 98 % |" in text
     assert "|   | joint2 | coulomb 3.000 ± 0.020 Nm |   | 98 % |" in text
     assert text.count("absorbed") == 1  # listed once, briefly
-    assert "What stays: joint2" in text and "1 adds Coulomb friction on joints 1 and 2; 2 adds" in text
+    assert "What is left: joint2" in text and "1 adds Coulomb friction on joints 1 and 2; 2 adds" in text
     assert "model 3" not in text and "Candidates" not in text  # all were added
 
 
 def test_a_report_names_the_family_where_the_data_do_not_tell_its_members_apart(tmp_path: Path) -> None:
     measurements = read_set(write_small_set(tmp_path / "small"))
-    untold = "which kind, these data do not tell"
+    untold = "these data do not tell which kind"
     session = diagnosed_session(measurements, TIED_DIAGNOSIS)
     assert session.present.label == "added Dry friction on joint2"
     text = session_report(session, measurements, "md")

@@ -87,7 +87,7 @@ def test_the_trace_of_the_search_and_its_decoys() -> None:
     )
     assert without.to_dict()["trace"][0]["error"] is None and "decoys" not in without.to_dict()
     old = {key: value for key, value in TIED_DIAGNOSIS.to_dict().items() if key not in ("trace", "decoys")}
-    assert ResultDocument.from_dict(old).trace == []
+    assert ResultDocument.from_dict(old).trace == ()
 
 
 def test_results_are_compared_by_identity_and_can_be_hashed(result: Identification) -> None:
@@ -130,7 +130,7 @@ def test_the_summary_is_a_table(result: Identification) -> None:
     row = next(
         line for line in text.splitlines() if line.strip().startswith("stiffness") and "joint1" in line
     )
-    assert "Nm/rad" in row and row.rstrip().endswith("yes")
+    assert "Nm/rad" in row and " weak " in row  # the set's model lacks friction
     assert "rms fit [Nm]" in text and "observer butterworth-zero-phase" in text
     html = result._repr_html_()
     assert html.count("<table>") == 3 and "<td>stiffness</td>" in html
@@ -158,9 +158,9 @@ def test_files_are_checked_strictly(tmp_path: Path) -> None:
 def test_records_are_read_back_from_a_file() -> None:
     document = TIED_DIAGNOSIS.to_dict()
     again = ResultDocument.from_dict(document)
-    assert again.trace == list(TIED_DIAGNOSIS.trace) and again.where == list(TIED_DIAGNOSIS.where)
+    assert again.trace == TIED_DIAGNOSIS.trace and again.where == TIED_DIAGNOSIS.where
     first, (tie,) = again.candidates[0], TIED_DIAGNOSIS.findings[0].inseparable_from
-    assert first.inseparable_from == [tie] and first.family == TIED_DIAGNOSIS.findings[0].family
+    assert first.inseparable_from == (tie,) and first.family == TIED_DIAGNOSIS.findings[0].family
     for mine, other in zip(again.maps, MAPS, strict=True):
         for name in ("centres", "mean", "std", "count"):
             read, made = getattr(mine, name), getattr(other, name)

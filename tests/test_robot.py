@@ -142,7 +142,7 @@ def test_bad_urdf_link_and_mesh(slider: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("file:///etc/passwd", "no mesh by its name"),
+        ("file:///etc/passwd", "outside the folder"),
         ("../secret.txt", "no mesh by its name"),
         ("link.stl", "no mesh by its name"),
         ("package://../../etc/x.stl", "leads out of its package"),
@@ -156,6 +156,21 @@ def test_only_meshes_are_taken_for_meshes(name: str, why: str, slider: Path) -> 
     (slider / "link.stl").symlink_to(slider.parent / "secret.txt")
     with pytest.raises(InputError, match=why):
         resolve_mesh(name, slider / "slider.urdf")
+
+
+@pytest.mark.parametrize("form", ["{}", "file://{}", "../../elsewhere/private.stl"])
+def test_meshes_from_elsewhere_are_not_taken(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh, urdf = tmp_path / "elsewhere" / "private.stl", tmp_path / "robot" / "urdf" / "slider.urdf"
+    for file in (mesh, urdf):
+        file.parent.mkdir(parents=True)
+        file.write_text("solid private")
+    name = form.format(mesh)
+    with pytest.raises(InputError, match="outside the folder of the robot description"):
+        resolve_mesh(name, urdf)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(mesh.parent))  # an installed description
+    assert resolve_mesh(name, urdf).resolve() == mesh
 
 
 def test_model_checks_shapes() -> None:

@@ -12,18 +12,16 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from benchmarks.diagnosis_study.laws import FrictionBump
-from benchmarks.diagnosis_study.making import case_folder, truth_file
-from benchmarks.diagnosis_study.running import result_file
+from benchmarks.diagnosis_study.judging import alike, judge
+from benchmarks.diagnosis_study.laws import OFTEN, FrictionBump
+from benchmarks.diagnosis_study.motions import random_moves
+from benchmarks.diagnosis_study.report import calibration_rows, report, text
 from benchmarks.robotlike_study.__main__ import main
 from benchmarks.robotlike_study.cases import RobotCase, cases, parse_shares
 from benchmarks.robotlike_study.effects import DRAWS, NUMBERS
-from benchmarks.robotlike_study.judging import matches, score
-from benchmarks.robotlike_study.laws import LAWS as UNKNOWN_LAWS
 from benchmarks.robotlike_study.making import filter_delay, make, plan_of
-from benchmarks.robotlike_study.motions import random_moves
-from benchmarks.robotlike_study.report import calibration_rows, report
 from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
+from benchmarks.running import case_folder, result_file, truth_file
 from flexviz._pinocchio import pin
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
@@ -50,7 +48,7 @@ def test_draws_are_within_what_is_said(robot: str) -> None:
         places = [(e.effect, e.joint) for e in effects]
         kinds |= {e.effect for e in effects}
         assert NUMBERS[robot][0] - 1 <= len(effects) <= NUMBERS[robot][1] and len(set(places)) == len(places)
-        assert {e.effect for e in effects} <= set(DRAWS) and set(laws) <= set(UNKNOWN_LAWS)
+        assert {e.effect for e in effects} <= set(DRAWS) and set(laws) <= set(OFTEN)
         assert len(laws) == len(plan.laws) <= 2
         for e in effects:  # the library only seeks it there
             assert e.effect != "stribeck_friction" or ("coulomb_friction", e.joint) in places
@@ -183,7 +181,7 @@ def test_torque_of_each_effect_against_a_finite_computation() -> None:
         by_q, by_v, mass = pin.computeRNEADerivatives(model, data, *row)
         expected.append([by_q[1, 1], by_v[1, 1], mass[1, 1]])
     nearly = (np.array(expected) * np.column_stack([shift, rate, np.gradient(rate, run.time)])).sum(axis=1)
-    assert share(wave - nearly, 1.0)[0] < 0.01 * share(wave, 1.0)[0]
+    assert share(wave - nearly, 1.0)["share"] < 0.01 * share(wave, 1.0)["share"]
 
 
 def test_torque_of_an_unknown_law() -> None:
@@ -249,7 +247,7 @@ def result(*effects: dict[str, Any], last: str = "unknown") -> dict[str, Any]:
 
 
 def test_scoring_of_a_result() -> None:
-    got = score(
+    got = judge(
         TRUTH,
         result(
             added("link_coulomb_friction", "joint1", 0.97, coulomb=1.9),  # a twin
@@ -258,39 +256,40 @@ def test_scoring_of_a_result() -> None:
             added("stribeck_friction", "joint2", 0.96),  # an imitation of the law beside it
             added("torque_gain", "joint1", 0.2),  # false
         ),
+        many=True,
     )
-    assert [e.found for e in got.must] == [True, True, True] and len(got.hidden) == 4
-    assert [a.effect for a in got.false] == ["torque_gain"]
-    assert [a.effect for a in got.imitations] == ["stribeck_friction"]
-    assert got.last_right and got.held_out == pytest.approx(0.1)
-    assert dict(got.parameter_errors) == pytest.approx(
+    assert len(got.must) == 3 and not got.missed and len(got.hidden) == 4
+    assert got.false == ["torque_gain:joint1"] and got.imitations == ["stribeck_friction:joint2"]
+    assert got.verdict_right and got.held_out == pytest.approx(0.1)
+    assert {value.name: value.error for value in got.values} == pytest.approx(
         {"cable_spring.stiffness": 0.25, "torque_ripple.amplitude": 0.1}
     )
     rows = {row[0]: row[1:] for row in calibration_rows(got.additions)}
-    assert rows["0.95 to 1"] == ["2", "0.965", "1/2 (50 %)", "2/2 (100 %)"]
-    assert rows["0.9 to 0.95"][0] == "1" and rows["0.5 to 0.7"][2] == "1/1 (100 %)"
-    assert rows["0 to 0.3"][2] == "0/1 (0 %)" and rows["none stated"][0] == "0"
-    text = report(
-        [got, score(TRUTH, {"error": "no answer in 5 s", "wall": 5.0, "cpu": 4.0, "peak_mb": 1.0})], 3
-    )
+    assert rows["0.95 to 1"] == ["2", "0.965", "1/2 (50.0 %)", "2/2 (100.0 %)"]
+    assert rows["0.9 to 0.95"][0] == "1" and rows["0.5 to 0.7"][2] == "1/1 (100.0 %)"
+    assert rows["0 to 0.3"][2] == "0/1 (0.0 %)" and rows["none stated"][0] == "0"
+    lost = judge(TRUTH, {"error": "no answer in 5 s", "wall": 5.0, "cpu": 4.0, "peak_mb": 1.0}, many=True)
+    told = text(report({"now": {"a": got, "b": lost}}, dict.fromkeys("abc", "2r")))
     for line in (
-        "2 of 3 cases have a result, 1 an answer",
-        "3/3 found",
+        "2 of 3 sets have a result of every command, 1 an answer",
+        "- a: missing, last unknown; added link_coulomb_friction:joint1, ",
         "false torque_gain:joint1",
-        "no answer in 5 s",
+        "- b: no answer (no answer in 5 s)",
     ):
-        assert line in text
-    missed = score(TRUTH, result(added("coulomb_friction", "joint2"), last="nothing-missing"))
-    assert not missed.last_right and [e.found for e in missed.must] == [False] * 3
+        assert line in told
+    cells = {row.split()[0]: row.split()[1:] for row in told.splitlines() if row.strip()}
+    assert cells["2r"][:6] == ["now", "2", "3/6", "1", "0/2", "1/2"]
+    missed = judge(TRUTH, result(added("coulomb_friction", "joint2"), last="nothing-missing"), many=True)
+    assert not missed.verdict_right and len(missed.missed) == 3
     assert missed.additions[0].imitation and missed.additions[0].confidence is None
-    assert not matches(TRUTH["effects"][0], added("coulomb_friction", "joint2"))
+    assert not alike(added("coulomb_friction", "joint2"), TRUTH["effects"][0])
 
 
-def test_a_free_curve_is_false_only_where_no_law_of_no_library_acts() -> None:
+def test_a_free_curve_is_false_only_where_an_unmodelled_torque_acts_not() -> None:
     right, wrong = (
-        score(TRUTH, result(added("free_curve_friction", joint))) for joint in ("joint2", "joint1")
+        judge(TRUTH, result(added("free_curve_friction", joint)), many=True) for joint in ("joint2", "joint1")
     )
-    assert not right.additions and [a.effect for a in wrong.false] == ["free_curve_friction"]
+    assert not right.additions and wrong.false == ["free_curve_friction:joint1"]
 
 
 FAKE = """
@@ -322,11 +321,11 @@ def test_runs_are_kept_and_their_cost_recorded(tmp_path: Path, capsys: pytest.Ca
         assert main(arguments) == 0
     assert (case_folder(tmp_path, "a-good") / "calls").read_text() == "x"  # not a second time
     got = {
-        n: json.loads(result_file(tmp_path, n, "results").read_text()) for n in ("a-good", "a-slow", "a-bad")
+        n: json.loads(result_file(tmp_path / "results", n).read_text()) for n in ("a-good", "a-slow", "a-bad")
     }
     # a child's peak starts at the size of the process that forked it, here the whole test run
     assert got["a-good"]["exit"] == 0 and got["a-good"]["peak_mb"] > 60 and got["a-good"]["wall"] > 0
     assert got["a-slow"]["exit"] is None and got["a-slow"]["error"] == "no answer in 1.5 s"
     assert got["a-bad"]["exit"] == 1 and got["a-bad"]["error"] == "cannot read it"
     assert main(["report", "--work", str(tmp_path)]) == 1  # two have no answer
-    assert "1 an answer" in capsys.readouterr().out
+    assert "3 of 3 sets have a result of every command, 1 an answer" in capsys.readouterr().out

@@ -55,6 +55,19 @@ def test_exactly_the_true_columns_are_found(seed: int, correlation: float, known
     assert found.likelihood.deviation[0] == pytest.approx(NOISE, rel=0.08)
 
 
+@pytest.mark.parametrize("alike", [True, False])
+def test_one_part_stands_for_two_where_these_are_no_better(alike: bool) -> None:
+    rng = np.random.default_rng(21)
+    x = columns(rng)
+    y = target(rng, x)
+    if alike:
+        x[:, 0] = TRUE[2] * x[:, 2] + TRUE[7] * x[:, 7]
+    found, search = searched(Regression(x, y, NOISE, merged=(0, frozenset({2, 7}))), set(TRUE))
+    assert found.columns == ({0, 8, 15} if alike else set(TRUE))
+    (tried,) = [t for t in search.trace if t.kind == "swap"]
+    assert (tried.added, set(tried.removed), tried.accepted) == ((0,), {2, 7}, alike)
+
+
 @pytest.mark.parametrize("start", [{0, 1, 3}, set(TRUE) | {4, 5}, set(range(COLUMNS))])
 def test_what_a_start_has_too_much_is_dropped(start: set[int]) -> None:
     rng = np.random.default_rng(20)

@@ -11,9 +11,9 @@ import pytest
 
 from flexviz.diagnosis import Diagnosis, Step
 from flexviz.errors import InputError
-from flexviz.identification import ParameterEstimate
+from flexviz.identification import FitSettings
 from flexviz.measurements import MeasurementSet, read_set
-from flexviz.results import Verdict
+from flexviz.records import ParameterEstimate, Verdict
 from flexviz.session import (
     HISTORY,
     Analysis,
@@ -59,23 +59,23 @@ def test_undo_and_redo(measurements: MeasurementSet) -> None:
 
 def test_a_new_change_forgets_what_was_undone(measurements: MeasurementSet) -> None:
     session = Session.of(measurements)
-    session = session.then("refine", replace(session.analysis, refine=True)).undo()
-    session = session.then("eso", replace(session.analysis, observer="eso"))
-    assert session.redo() is session and not session.analysis.refine
+    session = session.then("refine", session.analysis.with_fit(refine=False)).undo()
+    session = session.then("eso", session.analysis.with_fit(observer="eso"))
+    assert session.redo() is session and session.analysis.fit.refine
 
 
 def test_a_slider_is_one_step_and_no_change_is_none(measurements: MeasurementSet) -> None:
     session = Session.of(measurements)
     for bandwidth in (20.0, 30.0, 40.0):
-        session = session.then("bandwidth", replace(session.analysis, bandwidth=bandwidth))
-    assert len(session.past) == 1 and session.undo().analysis.bandwidth is None
+        session = session.then("bandwidth", session.analysis.with_fit(bandwidth=bandwidth))
+    assert len(session.past) == 1 and session.undo().analysis.fit.bandwidth is None
     assert session.then("nothing", replace(session.analysis)) is session
 
 
 def test_the_history_has_an_end(measurements: MeasurementSet) -> None:
     session = Session.of(measurements)
     for i in range(HISTORY + 20):
-        session = session.then(f"change {i}", replace(session.analysis, bandwidth=10.0 + i))
+        session = session.then(f"change {i}", session.analysis.with_fit(bandwidth=10.0 + i))
     assert len(session.past) == HISTORY
 
 
@@ -107,17 +107,19 @@ def test_unknown_group_or_role(measurements: MeasurementSet) -> None:
 
 
 def diagnosis(verdict: Verdict = "missing", error: float = 1.0) -> Diagnosis:
-    step = Step(None, (error, error), (error, error), verdict)
-    return Diagnosis("set", verdict, (), (), (step,), (), (), 0.1)
+    step = Step(None, (error, error), (error, error), verdict=verdict)
+    return Diagnosis(
+        set_name="set", verdict=verdict, findings=(), steps=(step,), effects=(), parameters=(), seconds=0.1
+    )
 
 
 @pytest.mark.parametrize(
     "other",
     [
-        {"observer": "eso"},
-        {"bandwidth": 80.0},
-        {"refine": True},
-        {"effects": ("coulomb_friction:joint1",)},
+        {"fit": FitSettings(observer="eso")},
+        {"fit": FitSettings(bandwidth=80.0)},
+        {"fit": FitSettings(refine=False)},
+        {"fit": FitSettings(effects=("coulomb_friction:joint1",))},
         {"roles": ()},
     ],
 )
@@ -127,15 +129,13 @@ def test_a_verdict_belongs_to_one_model_observer_and_data(measurements: Measurem
     changed = replace(found, **other)
     assert changed.current_diagnosis is None and changed.diagnosis is found.diagnosis
     assert replace(changed, **{name: getattr(found, name) for name in other}).diagnosis_up_to_date
-    # older sessions know data and model only
-    assert found.diagnosed is not None
-    old = replace(found, diagnosed=found.diagnosed[:3])
-    assert old.diagnosis_up_to_date and replace(old, bandwidth=80.0).diagnosis_up_to_date
+    ordered = found.with_fit(effects=["a", "b"]).with_diagnosis(diagnosis())
+    assert ordered.with_fit(effects=["b", "a"]).diagnosis_up_to_date  # their order is no matter
 
 
 def fit(at_bound: bool = False) -> Any:
     """As much of an identification as its standing depends on."""
-    stiffness = ParameterEstimate("stiffness", "joint1", 1.0, 0.1, "Nm/rad", 1.0, "yes", at_bound=at_bound)
+    stiffness = ParameterEstimate("stiffness", "joint1", 1.0, 0.1, "Nm/rad", "yes", 1.0, at_bound=at_bound)
     return SimpleNamespace(parameters=(stiffness,), iterations=(1,))
 
 
@@ -147,7 +147,7 @@ def test_all_texts_follow_from_what_the_results_belong_to(measurements: Measurem
     judged = fitted.with_diagnosis(diagnosis())
     assert standing(judged) == ResultStanding("present", "present", "verdict")
     # another observer: both are of an earlier model until the next Run; then the verdict still is
-    other = replace(judged, observer="eso", bandwidth=80.0)
+    other = judged.with_fit(observer="eso", bandwidth=80.0)
     assert standing(other) == ResultStanding("earlier", "earlier", "fit")
     again = other.with_identification(fit(at_bound=True), other.settings)
     now = standing(again)
@@ -171,7 +171,7 @@ def test_every_run_is_in_the_history(measurements: MeasurementSet) -> None:
     judged = one.with_diagnosis(diagnosis())
     session = session.then("looked", judged)
     assert runs(session) == []  # it is a model of the staircase
-    other = replace(judged, observer="eso", bandwidth=80.0)
+    other = judged.with_fit(observer="eso", bandwidth=80.0)
     tuned = other.with_identification(fit(), other.settings)
     session = session.then("bandwidth", other).then("identified", tuned)
     assert runs(session) == [tuned]
@@ -221,9 +221,9 @@ def test_undo_brings_back_diagnosis_and_result_without_computing(measurements: M
 def test_stairs_lead_to_the_present_model(measurements: MeasurementSet) -> None:
     analysis = Session.of(measurements).analysis
     for names in (("a",), ("a", "b"), ("a", "b", "c")):
-        analysis = replace(analysis, effects=names).with_diagnosis(diagnosis())
+        analysis = analysis.with_fit(effects=names).with_diagnosis(diagnosis())
     assert [len(stair.effects) for stair in analysis.model_steps] == [1, 2, 3]
-    removed = replace(analysis, effects=("a", "c")).with_diagnosis(diagnosis())
+    removed = analysis.with_fit(effects=("a", "c")).with_diagnosis(diagnosis())
     assert [stair.effects for stair in removed.model_steps] == [("a",), ("a", "c")]
     again = removed.with_diagnosis(diagnosis())
     assert [stair.effects for stair in again.model_steps] == [("a",), ("a", "c")]

@@ -28,6 +28,7 @@ from flexviz.session import (
     relocate,
     save_session,
 )
+from flexviz.session.document import FORMAT
 from tests.found import DIAGNOSIS
 from tests.small_session import small_session
 from tests.small_set import write_small_set
@@ -245,7 +246,7 @@ def test_a_session_of_format_1_opens_and_is_saved_as_todays(tmp_path: Path) -> N
     assert result is not None and diagnosis is not None and diagnosis.guard is not None
     assert result.residuals["g1"].residual.shape == (9, 2) and session.past[-1].analysis.up_to_date
     save_session(session, opened.measurements, folder)
-    assert json.loads((folder / SESSION_FILE).read_text())["format"] == 4
+    assert json.loads((folder / SESSION_FILE).read_text())["format"] == FORMAT
     assert not (folder / "session.npz").exists()
     again = open_session(folder).session.analysis.identification
     assert again is not None and np.array_equal(again.covariance, result.covariance)
@@ -268,7 +269,7 @@ def test_a_session_of_format_2_opens_and_is_saved_as_todays(tmp_path: Path) -> N
     assert diagnosis.to_dict() == expected
     assert session.analysis.model_steps[0].step.groups == DIAGNOSIS.steps[0].groups
     save_session(session, opened.measurements, folder)
-    assert json.loads((folder / SESSION_FILE).read_text())["format"] == 4
+    assert json.loads((folder / SESSION_FILE).read_text())["format"] == FORMAT
     again = open_session(folder).session.analysis.diagnosis
     assert again is not None and again.notes == diagnosis.notes == DIAGNOSIS.notes
 
@@ -290,7 +291,7 @@ def swap_results(folder: Path) -> None:
 @pytest.mark.parametrize(
     "spoil, said",
     [
-        (spoiled(lambda d: d.update(format=5, flexviz="9.9")), "format 5 by flexviz 9.9"),
+        (spoiled(lambda d: d.update(format=99, flexviz="9.9")), "format 99 by flexviz 9.9"),
         (spoiled(lambda d: d.update(format=True)), '"format" is True'),
         (spoiled(lambda d: d.update(set=None)), "reference to a measurement set"),
         (spoiled(lambda d: d["set"].update(path=7)), "something other than names"),

@@ -54,6 +54,11 @@ MOTOR_CASES: list[tuple[str, dict[str, float], Callable[..., Array]]] = [
         lambda t, x, v, load, acc: 0.2 * np.abs(load) * sign(v),
     ),
     (
+        "driving_friction",
+        {"motor_driving": 0.2, "load_driving": 0.3},
+        lambda t, x, v, load, acc: (0.25 * np.abs(load) - 0.05 * np.sign(v) * load) * sign(v),
+    ),
+    (
         "friction_drift",
         {"relative_rise": 2.0, "time_constant": 0.5},
         lambda t, x, v, load, acc: 0.66 * v * 2.0 * np.exp(-t / 0.5),

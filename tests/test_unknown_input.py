@@ -15,7 +15,7 @@ from flexviz.diagnosis.course import Interrupted
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import SlowResidual
-from flexviz.diagnosis.unknown_input import BesideUnknown, unknown_place
+from flexviz.diagnosis.unknown_input import UnknownInputFit, unknown_place
 from flexviz.diagnosis.vibration import vibration
 from flexviz.effects import ChosenEffect, JointState
 from flexviz.equation import Equation, Layout, build_signals
@@ -98,7 +98,7 @@ def test_the_place_and_the_parameters_beside_it(
     fit = context.fit(layout, context.start(layout).x, iterations=8)
     place = unknown_place(context, fit, lambda: None)
     assert place is not None and (place.unknown.joint, place.unknown.side) == (joint, side)
-    beside = BesideUnknown.of(context, fit, place)
+    beside = UnknownInputFit.of(context, fit, place)
     assert beside is not None
     # the law biases the other joint, too; beside an input it cannot
     other = 1 - joint
@@ -130,7 +130,7 @@ def test_a_shaken_link_is_said_to_be_shaken(tmp_path: Path) -> None:
     assert found.verdict == found.steps[-1].verdict == "unknown" and len(found.steps) == 1
     assert found.where[0].joint == "joint2" and found.guard is None
     (place,) = [n.text for n in found.notes if n.kind == "place"]
-    assert place.startswith("what is missing acts on the link side of joint2: beside an arbitrary torque")
+    assert place.startswith("what is missing acts on the link side of joint2: with an arbitrary torque")
     assert place.endswith(f"; it is a vibration of {HERTZ:.3g} Hz, whatever the robot does")
     (unbiased,) = [n.text for n in found.notes if n.kind == "unbiased"]
     said = unbiased.split("stiffness of joint1 ")[1].split(" Nm/rad")[0]
@@ -183,7 +183,7 @@ def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained
     assert place_at(1, layout).text.endswith("all joints agree with the noise")
     most = replace(place_at(1, layout, complete=False), sure=False)
     assert most.text.startswith("most of what is missing acts at joint2: ")
-    assert BesideUnknown.of(context, replace(fit, layout=Layout(("joint1",))), most) is None
+    assert UnknownInputFit.of(context, replace(fit, layout=Layout(("joint1",))), most) is None
 
 
 def test_data_without_noise_have_a_place_too(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ TERMS = (
         ),
         (
             'Terms("residual", (0,), values[0] * column[:1], column[None, :1])',
-            "gravity = lambda self, values: np.array([0.0, 0.0, -9.0])",
+            "gravity = lambda self, values, stated: np.array([0.0, 0.0, -9.0])",
             'belong together; found the entries "residual" and "torque"',
         ),
         (

@@ -16,7 +16,7 @@ from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet
 from flexviz.recording.texts import diagnosis_text
-from flexviz.results import Note
+from flexviz.records import Note
 from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
 

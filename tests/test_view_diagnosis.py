@@ -11,24 +11,21 @@ import numpy as np
 import pytest
 
 from flexviz.app.uplot import columns
-from flexviz.diagnosis import (
-    DIRECTED,
-    Absorbed,
-    Diagnosis,
-    EffectParameter,
-    Evidence,
-    Finding,
-    FreeCurve,
-    PredictionErrors,
-    ResidualLocation,
-    ResidualMap,
-    Step,
-    Tie,
-)
+from flexviz.diagnosis import DIRECTED, Diagnosis, Evidence, Finding, PredictionErrors, Step
 from flexviz.diagnosis.residuals import UNITS
 from flexviz.effects import EFFECTS
-from flexviz.identification import ParameterEstimate
-from flexviz.results import Note
+from flexviz.records import (
+    Absorbed,
+    EffectParameter,
+    FreeCurve,
+    GroupError,
+    Note,
+    ParameterEstimate,
+    ResidualLocation,
+    ResidualMap,
+    Tie,
+)
+from flexviz.results import evidence_chart
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effects import card_html, finding_html, heading_html, picture, trace_html, verdict_html
 from flexviz.view.free_curves import free_chart, free_html
@@ -44,7 +41,6 @@ from flexviz.view.residuals import (
 )
 from flexviz.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
-from flexviz.view.time_charts import evidence_chart
 from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
 from tests.found import TIED, TIED_DIAGNOSIS
 
@@ -52,10 +48,10 @@ JOINTS = ("joint1", "joint2")
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
 ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
 FINDING = Finding(
-    "coulomb_friction", "joint2", None, None, 0.62, 0.98, {"coulomb": EffectParameter(3.0, 0.01, "Nm")},
-    (TIE,), 400.0,
-    (ABSORBED,),
-    Evidence(
+    effect="coulomb_friction", joint="joint2", score=0.62, confidence=0.98,
+    parameters={"coulomb": EffectParameter(3.0, 0.01, "Nm")},
+    inseparable_from=(TIE,), gain=400.0, absorbed=(ABSORBED,),
+    evidence=Evidence(
         "joint2", (("g1", 0, 50), ("g2", 50, 100)), np.tile(np.linspace(0, 5, 50), 2),
         np.ones(100), np.zeros(100),
     ),
@@ -64,20 +60,20 @@ STEP = Step(
     None,
     (2.0, 1.0),
     (2.2, 1.1),
-    "missing",
-    (("g1", (2.0, 1.0), False), ("g4", (2.2, 1.1), True)),
+    (GroupError("g1", (2.0, 1.0), False), GroupError("g4", (2.2, 1.1), True)),
     (0.01, 0.02),
+    verdict="missing",
 )
-LOW = replace(STEP, rms=(0.2, 0.1), groups=(("g1", (0.2, 0.1), False), ("g4", (0.2, 0.1), True)))
+LOW = replace(STEP, rms=(0.2, 0.1), groups=tuple(replace(one, rms=(0.2, 0.1)) for one in STEP.groups))
 DIAGNOSIS = Diagnosis(
-    "set",
-    "missing",
-    (FINDING,),
-    (ResidualLocation("joint2", "velocity", 0.31, (-1.0, 1.0)),),
-    (STEP,),
-    (),
-    (),
-    3.0,
+    set_name="set",
+    verdict="missing",
+    findings=(FINDING,),
+    where=(ResidualLocation("joint2", "velocity", 0.31, (-1.0, 1.0)),),
+    steps=(STEP,),
+    effects=(),
+    parameters=(),
+    seconds=3.0,
 )
 
 
@@ -95,12 +91,12 @@ def test_the_verdict_begins_as_agreed() -> None:
 
 
 def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
-    assert "Find the missing effect" in verdict_html(None)
+    assert "tries every known effect" in verdict_html(None)
     old = verdict_html(replace(DIAGNOSIS, stopped=True), up_to_date=False)
     assert "<s>Missing: Coulomb friction on joint2." in old and "look again" in old
     assert "Stopped before the end" not in old  # nothing else is said of another model
     assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
-    low = tuple(ParameterEstimate("motor_inertia", joint, 1e-3, 1.0, "kg m²", 1.0, "no") for joint in JOINTS)
+    low = tuple(ParameterEstimate("motor_inertia", joint, 1e-3, 1.0, "kg m²", "no", 1.0) for joint in JOINTS)
     assert "joint torque sensor" in verdict_html(replace(DIAGNOSIS, parameters=low))
     assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=(Note("other", "<b>"),)))
     notes = (
@@ -133,9 +129,9 @@ def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
 
 def test_a_card_names_the_family_and_its_kinds() -> None:
     text = finding_html(MergedFinding((TIED,), 0.98), 1, full=True)
-    assert "1. Dry friction on joint2; which kind, these data do not tell" in text
+    assert "1. Dry friction on joint2; these data do not tell which kind" in text
     assert "confidence 97 %, removes 98 % of the error" in text and "fv-likely" in text
-    assert "The model has Coulomb friction, the simplest." in text
+    assert "The model uses the simplest, Coulomb friction." in text
     assert "Alike" not in finding_html(MergedFinding((FINDING,)), 1, full=True)
 
 
@@ -204,7 +200,7 @@ def test_stairs_fall_and_say_what_was_added() -> None:
     table = staircase_html(model_steps, JOINTS, runs=runs)
     order = [
         "Run: first",
-        "0. the model itself ▲",
+        "0. no effect added ▲",
         "Run: between",
         "1. + Coulomb",
         "Run: eso, 80 rad/s",
@@ -316,7 +312,7 @@ def test_what_to_do_next(tmp_path: Any) -> None:
     assert "<b>Stop</b>" in next_step(analysis, "Data", True).text
     assert next_step(analysis.with_role("g1", "ignore"), "Diagnose", False).step == "Data"
     looked = analysis.with_diagnosis(DIAGNOSIS)
-    other = replace(looked, bandwidth=80.0)
+    other = looked.with_fit(bandwidth=80.0)
     assert next_step(other, "Data", False).button == "find" and "Done" not in next_step(other, "", False).text
     assert "the verdict is of an earlier model" in next_step(other, "Data", False).text
     assert steps_done(other) == ()

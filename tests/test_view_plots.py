@@ -368,6 +368,12 @@ def test_torque_over_angle_and_its_spectrum(measurements: MeasurementSet) -> Non
     assert spectrum.y.unit == "mNm/√Hz" and line.y.min() >= 1e-3  # an axis writes no smaller values
     assert line.x[np.argmax(line.y)] == pytest.approx(4.0, abs=0.2)
     assert np.sqrt(np.trapezoid(line.y**2, line.x)) == pytest.approx(3e3 / np.sqrt(2), rel=0.05)
+    strong: Any = Namespace(segments=[replace(sine.segments[0], tau=2e3 * tau)], name="g")  # of a large robot
+    (line,) = shape_charts(strong, 0, "joint1", None)[1].series
+    assert shape_charts(strong, 0, "joint1", None)[1].y.unit == "Nm/√Hz"
+    assert line.y.min() >= 1e-3 and np.sqrt(np.trapezoid(line.y**2, line.x)) == pytest.approx(
+        6e3 / np.sqrt(2), rel=0.05
+    )
 
 
 def test_the_longest_segment_may_have_no_residual(measurements: MeasurementSet) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
+from flexviz.results import LinkSide
 from flexviz.scene import RobotMotion
 from flexviz.session import Analysis
 from flexviz.view import (
@@ -96,6 +97,7 @@ class Result:
     residual: Any = None
     residuals: Any = None
     refined: bool = False
+    link_side: tuple[LinkSide, ...] = ()
 
 
 def test_parameter_table_says_everything_and_escapes() -> None:
@@ -115,7 +117,7 @@ def test_parameter_table_says_everything_and_escapes() -> None:
     for part in (
         "<b>1.0000</b></td><td>0.0010</td><td>kNm/rad",
         "weak",
-        "tied to motor_viscous_friction:j",
+        "tied to f_mv of j",
         "all joints",
         "Inertial parameters (1)",
         "⚑",
@@ -126,6 +128,25 @@ def test_parameter_table_says_everything_and_escapes() -> None:
     shown = parameters_html(result, {("stiffness", evil): 1001.5})
     assert "truth" in shown and ">1.002<" in shown
     assert "after Run" in parameters_html(None)
+
+
+def test_link_encoder_stands_below_the_stiffness() -> None:
+    entry = LinkSide(
+        joint="j",
+        torque="computed",
+        stiffness=1e7,
+        low=8e6,
+        high=1.2e7,
+        hysteresis=0.0,
+        lag=0.0,
+        agrees=False,
+    )
+    result: Any = Result((Parameter("stiffness", "j", 1e6, 1e5),), link_side=(entry,))
+    shown = parameters_html(result)
+    assert "link encoder: 10.0 (8.00 … 12.0) MNm/rad, do not trust the motor side" in shown
+    assert "fv-warn" in shown
+    agreeing = parameters_html(replace(result, link_side=(replace(entry, agrees=True),)))
+    assert "link encoder" in agreeing and "do not trust" not in agreeing
 
 
 def test_truth_values_from_a_simulation() -> None:
@@ -148,7 +169,7 @@ def test_truth_values_from_a_simulation() -> None:
 def test_set_summary(tmp_path: Path) -> None:
     measurements = read_set(write_small_set(tmp_path / "small"))
     text = set_html(measurements)
-    for part in ("2 joints", "3 groups", "500 Hz", "coulomb friction", "known"):
+    for part in ("2 joints", "3 groups", "500 Hz", "coulomb friction", "given: replayed"):
         assert part in text
     assert "simulated" not in text and "simulated data" in set_html(replace(measurements, simulated=True))
     assert "<b>x</b>" not in set_html(replace(measurements, warnings=("<b>x</b>",)))
@@ -201,7 +222,7 @@ def test_the_first_sentence_says_how_wrong_the_model_is() -> None:
     # near the noise nothing is wrong; of an earlier model nothing is said
     assert status.wrong_html(fitted, errors_of(0.02, 0.06), ("a<1>", "b"), spread) == ""
     assert status.wrong_html(fitted, None, ("a<1>", "b"), spread) == ""
-    assert status.wrong_html(replace(fitted, observer="eso"), errors, ("a<1>", "b"), spread) == ""
+    assert status.wrong_html(fitted.with_fit(observer="eso"), errors, ("a<1>", "b"), spread) == ""
 
 
 def test_step_line_marks_where_one_is() -> None:

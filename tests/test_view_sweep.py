@@ -107,10 +107,8 @@ def test_every_effect_is_offered_once_except_episodes() -> None:
 
 
 def test_what_is_said_about_effects() -> None:
-    assert "takes the place of Coulomb friction" in effects_note(
-        ("presliding_hysteresis",), ("coulomb_friction",)
-    )
-    assert "makes sense beside Coulomb friction" in effects_note(("stribeck_friction",), ())
+    assert "replaces Coulomb friction" in effects_note(("presliding_hysteresis",), ("coulomb_friction",))
+    assert "needs Coulomb friction in the model" in effects_note(("stribeck_friction",), ())
     assert effects_note(("stribeck_friction", "coulomb_friction"), ()) == ""
     assert why_fixed("payload_error", (), payloads=False) and not why_fixed(
         "payload_error", (), payloads=True

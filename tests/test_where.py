@@ -23,7 +23,7 @@ from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
-from flexviz.results.curves import FREE_CURVE_NOTE
+from flexviz.records.curves import FREE_CURVE_NOTE
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
 STRETCHES = [slice(440 * k, 440 * (k + 1)) for k in range(4)]

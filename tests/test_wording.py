@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
-from flexviz.diagnosis import Absorbed, EffectParameter, Move, Step
+from flexviz.diagnosis import Step
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS
-from flexviz.results import CandidateEntry, Note, parts
+from flexviz.records import Absorbed, Decoys, EffectParameter, Move, Note
+from flexviz.results import parts
 from flexviz.wording import (
     FAMILY_TITLES,
     PERCENT,
@@ -150,7 +151,7 @@ def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> Non
     assert ["220", "55.0", "138", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
     assert ["2.00", "15.0", "8.50", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
     assert sum(row[:2] == ["+", "Coulomb"] for row in rows) == 1  # two steps, one line
-    assert "what stays: joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm); joint1 2.00 ×" in text
+    assert "what is left: joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm); joint1 2.00 ×" in text
     assert text.count("absorbed") == 1 and "unexplained" not in text
     assert "error of the held-out groups [× noise floor]" in text
     silent = tuple(replace(step, noise_floor=()) for step in diagnosis.steps)
@@ -172,7 +173,7 @@ def test_rivals_stay_apart_in_the_verdict() -> None:
     assert verdict_text(DIAGNOSIS).startswith("Missing: Coulomb friction on joint2: > 99 % of the error")
     untried = replace(DIAGNOSIS, steps=(BEFORE,))  # without --apply
     assert verdict_text(untried).startswith("Missing: Coulomb friction on joint2. It explains 62 %")
-    entries = [CandidateEntry.model_validate(f) for f in (COULOMB, FIRST)]
+    entries = [COULOMB, FIRST]
     assert merged_findings(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
     assert isinstance(parts(DIAGNOSIS.document(), 160)[0], str)
 
@@ -240,7 +241,7 @@ def test_the_headline_names_what_removes_most_of_the_error() -> None:
 
 
 def test_a_family_is_named_where_the_data_do_not_tell_its_members_apart() -> None:
-    untold = "which kind, these data do not tell"
+    untold = "these data do not tell which kind"
     assert verdict_text(TIED_DIAGNOSIS) == (
         f"Missing: Dry friction on joint2: > 99 % of the error, confidence 97 %; {untold}."
     )
@@ -257,7 +258,7 @@ def test_a_family_is_named_where_the_data_do_not_tell_its_members_apart() -> Non
     assert names == [f"Dry friction on joints 1 and 2; {untold}", "Coulomb friction on joint1"]
     assert kinds_text(TIED) == (
         "Alike in these data: Coulomb friction and Coulomb friction at the link. "
-        "The model has Coulomb friction, the simplest."
+        "The model uses the simplest, Coulomb friction."
     )
     assert kinds_text(COULOMB) == ""
 
@@ -305,7 +306,7 @@ def test_what_was_tried_is_told_briefly() -> None:
     assert swap.text.endswith("at the link on joint2 not put in place of Coulomb friction on joint2")
     odd = Move("vary", ("coulomb_friction:joint1",), (), float("nan"), 1.0, False, "fine")
     assert told_moves([odd])[0].text == "vary of Coulomb friction on joint1 not made"
-    assert [decoys_text(count, 40) for count in (0, 1, 2)] == [
+    assert [decoys_text(Decoys(count, 40)) for count in (0, 1, 2)] == [
         "of 40 decoys none was accepted", "of 40 decoys 1 was accepted", "of 40 decoys 2 were accepted",
     ]  # fmt: skip
 

@@ -58,6 +58,7 @@ class Regression:
         y: shape (N,).
         noise: standard deviation of the noise if it is known.
         twins: columns that are never in a model together; only an exchange tells which is right.
+        merged: a column that may stand for some others together.
         unknown: whether an unknown input may be added: slow waves.
     """
 
@@ -70,8 +71,9 @@ class Regression:
         noise: float | None = None,
         twins: Sequence[tuple[int, int]] = (),
         unknown: bool = False,
+        merged: tuple[int, frozenset[int]] | None = None,
     ) -> None:
-        self.x, self.y, self.unknown = x, y, unknown
+        self.x, self.y, self.unknown, self.merged = x, y, unknown, merged
         self.floor = np.array([1e-6 if noise is None else 1.05 * noise])
         self.twins = {a: b for pair in twins for a, b in (pair, pair[::-1])}
         time = np.arange(len(y))[:, None] / len(y)
@@ -130,6 +132,12 @@ class Regression:
             if not weak:
                 return model
             model = found[min(weak)[1]][1]
+
+    def mergers(self, model: LinearModel) -> Iterable[Callable[[LinearModel], LinearModel]]:
+        if self.merged is None or not self.merged[1] <= model.columns:
+            return []
+        whole, some = self.merged
+        return [lambda other: self.fit((other.columns - some) | {whole})]
 
     def swaps(self, model: LinearModel) -> Iterable[Callable[[LinearModel], LinearModel]]:
         def swapped(other: LinearModel, old: int | str, new: int) -> LinearModel:

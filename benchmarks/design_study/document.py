@@ -1,4 +1,4 @@
-"""The measured parts of docs/designing.md."""
+"""benchmarks/results/designing.md: what the design study measured."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from benchmarks.design_study import spread, ties
 from flexviz.charts import Chart, ChartAxis, ChartSeries, draw_svg
 from flexviz.charts.chart import DASHED, SOLID
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGE, PICTURE = DOCS / "designing.md", DOCS / "images" / "design-spread.svg"
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "benchmarks" / "results" / "designing.md"
+PICTURE = ROOT / "docs" / "images" / "design-spread.svg"
 BLUE, ORANGE = "#0072B2", "#D55E00"
 SPREAD = (
     "Realised is the standard deviation of the estimates of `identify --refine` over {seeds} noise seeds of "
@@ -24,7 +25,7 @@ SPREAD = (
 )
 SHOWN = (
     "![Relative standard error of each parameter, predicted and realised, with group B and with the designed "
-    "groups](images/design-spread.svg)"
+    "groups](../../docs/images/design-spread.svg)"
 )
 SHORT = {
     "stiffness": "K",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.design_study.sets import designed_groups, noisy_sets, without_validation
+from benchmarks.tables import markdown
 from flexviz.designing import Design, DesignSettings, design, predict_errors
 from flexviz.identification import identify
 from flexviz.simulation import Plan, make_plan, move
@@ -73,15 +74,13 @@ def rows(plan: Plan, seeds: int) -> list[Row]:
 def table(found: dict[str, list[Row]]) -> str:
     """Markdown table: per parameter predicted and realised, of B and of the design."""
     b, d = found["group B"], found["designed"]
-    lines = [
-        "| parameter | true | group B: predicted | realised | designed: predicted | realised | gain |",
-        "|---|---|---|---|---|---|---|",
+    rows = [
+        ["parameter", "true", "group B: predicted", "realised", "designed: predicted", "realised", "gain"]
     ]
     for one, two in zip(b, d, strict=True):
-        numbers = (one.predicted, one.spread, two.predicted, two.spread)
-        shown = " | ".join(f"{x:.2g}" for x in numbers)
-        lines.append(f"| {one.label} | {one.truth:g} {one.unit} | {shown} | {one.spread / two.spread:.1f} |")
-    return "\n".join(lines)
+        numbers = [f"{x:.2g}" for x in (one.predicted, one.spread, two.predicted, two.spread)]
+        rows.append([one.label, f"{one.truth:g} {one.unit}", *numbers, f"{one.spread / two.spread:.1f}"])
+    return markdown(rows, numbers=False)
 
 
 def as_predicted(found: dict[str, list[Row]], seeds: int) -> bool:

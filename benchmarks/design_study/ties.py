@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 
 from benchmarks.design_study.sets import designed_groups, in_memory
+from benchmarks.tables import markdown
 from flexviz.designing import DesignSettings, design
 from flexviz.designing.criterion import BestSeparation
 from flexviz.designing.information import Columns
@@ -188,13 +189,10 @@ def outcomes() -> Iterator[Outcome]:
 
 def table(found: list[Outcome]) -> str:
     """Markdown table of the cases."""
-    lines = [
-        "| hidden | found on the poor record, and tied with it | expected gain: recorded | random | designed "
-        "| found with the designed group |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = [["hidden", "found on the poor record, and tied with it", "expected gain: recorded", "random",
+             "designed", "found with the designed group"]]  # fmt: skip
     for one in found:
+        numbers = [f"{x:.3g}" for x in (one.recorded, one.random, one.designed)]
         then = ", ".join(one.then) or "nothing"
-        numbers = " | ".join(f"{x:.3g}" for x in (one.recorded, one.random, one.designed))
-        lines.append(f"| {one.hidden} {one.size:.2g} | {', '.join(one.first)} | {numbers} | {then} |")
-    return "\n".join(lines)
+        rows.append([f"{one.hidden} {one.size:.2g}", ", ".join(one.first), *numbers, then])
+    return markdown(rows, numbers=False)

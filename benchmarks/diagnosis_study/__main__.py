@@ -10,37 +10,26 @@ Each can be interrupted and goes on where it was. The exit code is 1 when a requ
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import sys
 from pathlib import Path
+from typing import Annotated, Literal
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
-
-from benchmarks.diagnosis_study import document, figures
+from benchmarks.command import command
+from benchmarks.diagnosis_study import document
 from benchmarks.diagnosis_study.cases import Case, selected
-from benchmarks.diagnosis_study.judging import judge
-from benchmarks.diagnosis_study.making import is_made, truth_file
-from benchmarks.diagnosis_study.running import known_file, make_all, result_file, run_all
-from benchmarks.diagnosis_study.tables import Outcome
-from benchmarks.kept_results import say
-
-
-def outcomes(work: Path, cases: list[Case], label: str) -> list[Outcome]:
-    """Every case that has a result, judged."""
-    out = []
-    for case in cases:
-        paths = truth_file(work, case.name), known_file(work, case.name), result_file(work, case.name, label)
-        if all(path.is_file() for path in paths):
-            truth, known, result = (json.loads(path.read_text(encoding="utf-8")) for path in paths)
-            out.append((judge(truth, known, result), truth))
-    return out
+from benchmarks.diagnosis_study.making import make, make_all
+from benchmarks.diagnosis_study.running import known_file, run_all
+from benchmarks.diagnosis_study.tables import figures, outcome
+from benchmarks.running import is_made, read, result_file, say, truth_file
 
 
 def table(work: Path, cases: list[Case], label: str, write: bool) -> bool:
     """Print the tables; whether every required figure is reached."""
-    found = outcomes(work, cases, label)
+    found = []
+    for case in cases:
+        paths = truth_file(work, case.name), known_file(work, case.name), result_file(work / label, case.name)
+        if all(path.is_file() for path in paths):
+            found.append(outcome(*map(read, paths)))
     if len(found) < len(cases):
         say(f"{len(found)} of {len(cases)} cases have a result")
     if not found:
@@ -49,39 +38,29 @@ def table(work: Path, cases: list[Case], label: str, write: bool) -> bool:
     print(document.text(parts))
     if write:
         document.write(parts)
-    return all(f.passed is not False for f in figures.figures([case for case, _ in found]))
+    return figures(found)[1]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.diagnosis_study",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("command", choices=("make", "run", "table", "all"))
-    parser.add_argument(
-        "--work", type=Path, required=True, help="folder of the cases, their truth and results"
-    )
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--scheduler", default="", help="tcp://HOST:PORT of a dask cluster to run on")
-    parser.add_argument("--only", default="", metavar="TEXT", help="cases with TEXT in their names")
-    parser.add_argument("--of-each", type=int, metavar="N", help="at most N cases of every kind and robot")
-    parser.add_argument("--label", default="results", help="folder in DIR for the results of this version")
-    parser.add_argument("--write", action="store_true", help="renew benchmarks/results/diagnosis-study.md")
-    options = parser.parse_args(arguments)
-    cases = selected(options.seed, options.only, options.of_each)
-    try:
-        if options.command in ("make", "all"):
-            make_all(options.work, cases, options.jobs)
-        if options.command in ("run", "all"):
-            names = [case.name for case in cases if is_made(options.work, case)]
-            run_all(options.work, names, options.jobs, options.label, options.scheduler)
-        if options.command in ("table", "all"):
-            return 0 if table(options.work, cases, options.label, options.write) else 1
-    except KeyboardInterrupt:
-        say("interrupted; what is done is kept")
-        return 130
+@command
+def main(
+    what: Literal["make", "run", "table", "all"],
+    *,
+    work: Annotated[Path, "folder of the cases, their truth and results"],
+    seed: int = 1,
+    jobs: int = 2,
+    scheduler: Annotated[str, "tcp://HOST:PORT of a dask cluster to run on"] = "",
+    only: Annotated[str, "cases with this text in their names"] = "",
+    of_each: Annotated[int | None, "at most so many cases of every kind and robot"] = None,
+    label: Annotated[str, "folder in DIR for the results of this version"] = "results",
+    write: Annotated[bool, "renew benchmarks/results/diagnosis-study.md"] = False,
+) -> int:
+    cases = selected(seed, only, of_each)
+    if what in ("make", "all"):
+        make_all(work, cases, make, jobs)
+    if what in ("run", "all"):
+        run_all(work, [case.name for case in cases if is_made(work, case.name)], jobs, label, scheduler)
+    if what in ("table", "all"):
+        return 0 if table(work, cases, label, write) else 1
     return 0
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks.diagnosis_study import figures, tables
-from benchmarks.diagnosis_study.tables import Outcome, Table
-from benchmarks.paper_study.tables import markdown, plain
+from benchmarks.diagnosis_study import tables
+from benchmarks.diagnosis_study.report import calibration_rows, value_rows
+from benchmarks.diagnosis_study.tables import Outcome
+from benchmarks.tables import Table, markdown, plain
 
 PAGE = Path(__file__).resolve().parents[1] / "results" / "diagnosis-study.md"
 HEAD, TAIL = "<!-- begin table -->", "<!-- end table -->"
@@ -51,14 +52,18 @@ same set simulated without that law. For a joint below its noise, the noise is u
 
 def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
     """The tables with their titles and words; a title begins with "#"."""
-    seeds = ", ".join(sorted({str(truth["seed"]) for _, truth in outcomes}))
+    seeds = ", ".join(sorted({str(o.truth["seed"]) for o in outcomes}))
+    additions = [o.said.additions for o in outcomes]
+    named = [o for o in outcomes if o.of(("single", "limit")) and o.decidable and o.said.first_right]
+    values = [value for o in named for value in o.said.values if "." in value.name]
+    motor_side = [value for o in outcomes for value in o.said.values if "." not in value.name]
     return [
         f"## What was to be shown: {len(outcomes)} cases, seed {seeds}",
-        figures.table(figures.figures([case for case, _ in outcomes])),
+        tables.figures(outcomes)[0],
         "## By robot and kind",
         "Shares are those of the decidable cases; of all, for clean ones.",
         tables.by_kind(outcomes),
-        "One effect, by what the truth-knowing fit gains:",
+        "One effect, by what the fit gains that is given it:",
         tables.by_gain(outcomes),
         "## True effect and first named",
         "One effect hidden, decidable cases. Rows: what is hidden; columns: what is named first. "
@@ -70,43 +75,41 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         "The smallest size from which on nine in ten are named right, decidable or not, among the number "
         "of cases in brackets; then the same relative to the joint's rms torque, or to a natural size (what "
         "`flexviz simulate --effect` hides without being told a size). Last: the relative size at which the "
-        "truth-knowing fit would gain 300.",
+        "fit that is given the effect would gain 300.",
         "### 2-DOF",
-        tables.sizes(outcomes, ("2r",)),
+        tables.sizes(outcomes, tables.PLANAR),
         "### Panda and UR5",
-        tables.sizes(outcomes, ("panda", "ur5")),
+        tables.sizes(outcomes, tables.ARMS),
         "## Errors of the parameters",
         "Of the effects that were named right, relative to the truth, in the final model. A phase and a "
         "rest angle are not counted, the sign of an amplitude neither.",
-        tables.errors(outcomes),
+        value_rows(values, [value for o in named for value in o.best]),
         "Stiffness and motor inertia, of all sets in which nothing is missing in the end. Light wrists say "
         "little of their stiffness.",
-        tables.motor_side(outcomes),
-        "## The fit that knows the truth",
+        value_rows(motor_side),
+        "## The fit that is given the effects",
         "χ² a sample of its worst joint, in the fit groups; 1 is the measurement noise.",
         tables.knowing(outcomes),
         "## Confidence",
         "Findings of all cases, decidable or not, by the confidence that was stated with them; where members "
-        "of a family tie, of the family.",
-        tables.calibration(outcomes),
+        "of a family tie, of the family. The first named:",
+        calibration_rows(a for each in additions for a in each[:1]),
+        "Later ones:",
+        calibration_rows(a for each in additions for a in each[1:]),
         "## Every case that should be right and is not",
         tables.wrong(outcomes),
     ]
 
 
-def text(pieces: Sequence[str | Table]) -> str:
-    """For the screen."""
-    lines = [
-        p if isinstance(p, str) and p.startswith("#") else _wrapped(p) if isinstance(p, str) else plain(p)
-        for p in pieces
-    ]
-    return "\n\n".join(lines)
+def text(pieces: Sequence[str | Table], drawn: Callable[[Table], str] = plain) -> str:
+    """The tables for the screen, or as `drawn` makes them."""
+    blocks = [drawn(p) if isinstance(p, list) else p if p.startswith("#") else _wrapped(p) for p in pieces]
+    return "\n\n".join(blocks)
 
 
 def write(pieces: Sequence[str | Table], page: Path = PAGE) -> None:
     """Renew the part between the markers; what is said of several seeds before them stays."""
-    blocks = [markdown(p) if isinstance(p, list) else p if p.startswith("#") else _wrapped(p) for p in pieces]
-    body = "\n\n".join(blocks)
+    body = text(pieces, markdown)
     filled = f"{HEAD}\n\n{body}\n\n{TAIL}" if body else f"{HEAD}\n{TAIL}"
     old = page.read_text(encoding="utf-8") if page.is_file() else FRAME
     before, after = old.partition(HEAD)[0], old.partition(TAIL)[2]

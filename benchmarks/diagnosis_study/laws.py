@@ -1,4 +1,4 @@
-"""Effects that the library does not have, as laws for the simulator: what a diagnosis must call unknown."""
+"""Unmodelled torques: laws that the library does not have, which a diagnosis must call unknown."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ from math import cos, exp, pi, sin, tanh
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz.effects import JointState
 from flexviz.simulation import ExtraLaw, MotionScale, Plan, Pull
-
-Array = NDArray[np.float64]
 
 WIDTH = 0.005  # [rad/s] of the sign of velocity, as everywhere in the simulator
 LARGE = (0.05, 1.0)  # sizes in rms torques of the joint, or the like
@@ -125,66 +122,98 @@ class UnevenStiffness(ExtraLaw):
         return Pull(joint=self.stiffness * change * (at.theta - at.q))
 
 
-Maker = Callable[[Plan, int, MotionScale, np.random.Generator], ExtraLaw]
+@dataclass(frozen=True)
+class Place:
+    """The joint on which something is hidden, and what its random size is drawn from.
+
+    Attributes:
+        plan: the robot on its motions.
+        i: index of the joint.
+        torque: how large the joint's torque is [Nm].
+        inside: range of angles in the middle of what the joint passes [rad].
+        rng: random numbers of the case.
+    """
+
+    plan: Plan
+    i: int
+    torque: float
+    inside: tuple[float, float]
+    rng: np.random.Generator
+
+    @property
+    def stiffness(self) -> float:
+        """Of the joint [Nm/rad]."""
+        return float(self.plan.model.stiffness[self.i])
+
+    @property
+    def motor_inertia(self) -> float:
+        """Of the joint [kg m²]."""
+        return float(self.plan.model.motor_inertia[self.i])
+
+    def uniform(self, low: float, high: float) -> float:
+        """A number between these."""
+        return float(self.rng.uniform(low, high))
+
+    def whole(self, low: int, high: int) -> float:
+        """A whole number from `low` to below `high`."""
+        return float(self.rng.integers(low, high))
+
+    def log_uniform(self, low: float, high: float) -> float:
+        """A number whose logarithm is uniform."""
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def part(self, low: float, high: float) -> float:
+        """That times the joint's torque [Nm]."""
+        return self.log_uniform(low, high) * self.torque
+
+    def sign(self) -> float:
+        """−1 or 1."""
+        return float(self.rng.choice([-1.0, 1.0]))
+
+    def phase(self) -> float:
+        """An angle [rad]."""
+        return self.uniform(-pi, pi)
+
+    def angle(self) -> float:
+        """An angle that the joint passes [rad]."""
+        return self.uniform(*self.inside)
 
 
-def _inside(plan: Plan, i: int, rng: np.random.Generator) -> float:
-    """An angle in the middle of what joint i passes [rad]."""
-    angles: Array = plan.groups[0].reference.sample(np.linspace(1.0, plan.groups[0].duration, 400))[0][:, i]
-    return float(rng.uniform(*np.quantile(angles, (0.3, 0.7))))
+def place(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> Place:
+    """The place of a law in a plan without one."""
+    angles = plan.groups[0].reference.sample(np.linspace(1.0, plan.groups[0].duration, 400))[0][:, i]
+    low, high = np.quantile(angles, (0.3, 0.7))
+    return Place(plan, i, float(size.torque[i]), (low, high), rng)
 
 
-def _part(rng: np.random.Generator) -> float:
-    return float(np.exp(rng.uniform(*np.log(LARGE))))
-
-
-def _friction_bump(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    return FrictionBump(
-        _part(rng) * float(size.torque[i]), _inside(plan, i, rng), float(rng.uniform(0.08, 0.2))
-    )
-
-
-def _one_way_patch(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    return OneWayPatch(_part(rng) * float(size.torque[i]), _inside(plan, i, rng))
-
-
-def _sawtooth(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    return SawtoothCogging(_part(rng) * float(size.torque[i]), float(rng.integers(3, 7)))
-
-
-def _vibration(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    phase = float(rng.uniform(-pi, pi))
-    return Vibration(0.5 * _part(rng) * float(size.torque[i]), float(rng.uniform(1.5, 6.0)), phase)
-
-
-def _saturation(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    return Saturation(0.2 * _part(rng), float(size.torque[i]))
-
-
-def _lost_motion(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    half_width = _part(rng) * max(float(size.deflection[i]), 2e-4)
-    return GrowingLostMotion(float(plan.model.stiffness[i]), half_width, plan.groups[0].duration)
-
-
-def _wobble(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    inertia = 0.5 * _part(rng) * float(plan.model.motor_inertia[i])
-    return WobblingMass(inertia, float(rng.uniform(1.0, 4.0)), float(rng.uniform(0.02, 0.1)))
-
-
-def _uneven(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
-    phase = float(rng.uniform(-pi, pi))
-    return UnevenStiffness(
-        float(plan.model.stiffness[i]), 0.6 * _part(rng), float(rng.integers(3, 10)), phase
-    )
-
-
-EXTRA_LAWS: dict[str, Maker] = {
-    "friction_bump": _friction_bump,
-    "one_way_patch": _one_way_patch,
-    "sawtooth_cogging": _sawtooth,
-    "vibration": _vibration,
-    "saturation": _saturation,
-    "growing_lost_motion": _lost_motion,
-    "wobbling_mass": _wobble,
-    "uneven_stiffness": _uneven,
+# drawn in the order in which the arguments stand
+EXTRA_LAWS: dict[str, Callable[[Place], ExtraLaw]] = {
+    "friction_bump": lambda at: FrictionBump(at.part(*LARGE), at.angle(), at.uniform(0.08, 0.2)),
+    "one_way_patch": lambda at: OneWayPatch(at.part(*LARGE), at.angle()),
+    "sawtooth_cogging": lambda at: SawtoothCogging(at.part(*LARGE), at.whole(3, 7)),
+    "vibration": lambda at: Vibration(
+        phase=at.phase(), torque=0.5 * at.part(*LARGE), hertz=at.uniform(1.5, 6.0)
+    ),
+    "saturation": lambda at: Saturation(0.2 * at.log_uniform(*LARGE), at.torque),
+    "growing_lost_motion": lambda at: GrowingLostMotion(
+        at.stiffness,
+        at.log_uniform(*LARGE) * max(at.torque / at.stiffness, 2e-4),
+        at.plan.groups[0].duration,
+    ),
+    "wobbling_mass": lambda at: WobblingMass(
+        0.5 * at.log_uniform(*LARGE) * at.motor_inertia, at.uniform(1.0, 4.0), at.uniform(0.02, 0.1)
+    ),
+    "uneven_stiffness": lambda at: UnevenStiffness(
+        phase=at.phase(), stiffness=at.stiffness, share=0.6 * at.log_uniform(*LARGE), order=at.whole(3, 10)
+    ),
 }
+"""Laws of the study of few effects."""
+
+OFTEN: dict[str, tuple[float, Callable[[Place], ExtraLaw]]] = {
+    "friction_bump": (0.45, lambda at: FrictionBump(at.part(0.12, 0.7), at.angle(), at.uniform(0.1, 0.25))),
+    "one_way_patch": (0.2, lambda at: OneWayPatch(at.part(0.12, 0.7), at.angle())),
+    "sawtooth_cogging": (0.2, lambda at: SawtoothCogging(at.part(0.08, 0.3), at.whole(3, 9))),
+    "saturation": (0.05, lambda at: Saturation(at.log_uniform(0.01, 0.05), at.torque)),
+    "vibration": (0.1, lambda at: Vibration(at.part(0.05, 0.3), at.uniform(1.5, 6.0), at.phase())),
+}
+"""Law of the robots with many effects → its probability and its random parameters."""

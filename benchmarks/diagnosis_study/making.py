@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.diagnosis_study.cases import Case
-from benchmarks.diagnosis_study.laws import EXTRA_LAWS
-from benchmarks.diagnosis_study.robots import CYCLE, random_plan
+from benchmarks.diagnosis_study.laws import EXTRA_LAWS, place
+from benchmarks.diagnosis_study.robots import random_plan
 from benchmarks.diagnosis_study.sizes import SIZES, draw, natural
+from benchmarks.running import Json, as_done, case_folder, is_made, truth_file, workers, write
 from flexviz.effects import EFFECTS
 from flexviz.measurements import GroupTable, write_set
 from flexviz.model import EffectValue
@@ -21,41 +22,30 @@ from flexviz.simulation import MotionScale, Plan, Run, motion_scale, move, recor
 UNSCORED = {"phase", "rest_angle", "tilt_x"}  # ambiguous, or relative to nothing
 
 
-def case_folder(work: Path, name: str) -> Path:
-    """The measurement set of a case."""
-    return work / "cases" / name
-
-
-def truth_file(work: Path, name: str) -> Path:
-    """What is hidden in a case."""
-    return work / "truth" / f"{name}.json"
-
-
-def is_made(work: Path, case: Case) -> bool:
-    """Whether both are there; the truth is written last."""
-    return truth_file(work, case.name).is_file() and case_folder(work, case.name).is_dir()
+def make_all(work: Path, cases: Sequence[Any], make: Callable[[Path, Any], None], jobs: int) -> int:
+    """Simulate what is not there yet; 1 if a case failed."""
+    missing = {case.name: (work, case) for case in cases if not is_made(work, case.name)}
+    return int(sum(1 for _ in as_done(workers(jobs), make, missing)) < len(missing))
 
 
 def make(work: Path, case: Case) -> None:
     """Simulate a case and write it."""
     plan, size = plan_of(case)
-    seed = int(case.rng("noise").integers(2**31))
-    runs = record(plan, move(plan, seed), seed)
-    _write(case_folder(work, case.name), plan, runs)
-    path = truth_file(work, case.name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(_truth(case, plan, size, runs), indent=1, ensure_ascii=False)
-    temporary = path.with_suffix(".new")
-    temporary.write_text(text + "\n", encoding="utf-8")
-    temporary.replace(path)
+    runs = simulated(case, plan)
+    write_runs(case_folder(work, case.name), plan, runs)
+    write(truth_file(work, case.name), _truth(case, plan, size, runs))
 
 
 def make_twin(case: Case, folder: Path) -> None:
     """Write the case as it would be without its extra law: same motion, same noise."""
-    plan, _ = plan_of(case)
-    plan = replace(plan, laws=())
+    plan = replace(plan_of(case)[0], laws=())
+    write_runs(folder, plan, simulated(case, plan))
+
+
+def simulated(case: Case, plan: Plan) -> dict[str, Run]:
+    """The recorded runs of a case."""
     seed = int(case.rng("noise").integers(2**31))
-    _write(folder, plan, record(plan, move(plan, seed), seed))
+    return record(plan, move(plan, seed), seed)
 
 
 def plan_of(case: Case) -> tuple[Plan, MotionScale]:
@@ -67,7 +57,7 @@ def plan_of(case: Case) -> tuple[Plan, MotionScale]:
     for name, joint in zip(case.effects, joints, strict=False):
         where = joint if EFFECTS[name].scope in ("joint", "episode") else None
         if any(EFFECTS[other].beside in case.effects for other in case.effects):
-            where = joints[0]  # Stribeck friction is only sought beside Coulomb friction
+            where = joints[0]  # Stribeck friction is only sought given Coulomb friction
         hidden.append(draw(name, where, plan, case.noise, rng, around=case.kind == "limit"))
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in hidden}
     known = [e for e in plan.model.effects if (e.effect, e.joint) not in replaced]
@@ -75,23 +65,24 @@ def plan_of(case: Case) -> tuple[Plan, MotionScale]:
     size = motion_scale(plan)
     if case.extra_law:
         i = plan.robot.joints.index(joints[0])
-        plan = replace(plan, laws=((joints[0], EXTRA_LAWS[case.extra_law](plan, i, size, rng)),))
+        plan = replace(plan, laws=((joints[0], EXTRA_LAWS[case.extra_law](place(plan, i, size, rng))),))
     return plan, size
 
 
-def _write(folder: Path, plan: Plan, runs: dict[str, Run]) -> None:
+def write_runs(folder: Path, plan: Plan, runs: dict[str, Run]) -> None:
+    """Write the set of recorded runs, without what only a simulation knows."""
     tables = [
-        GroupTable(g.name, g.trajectory, g.payload, runs[g.name].time, runs[g.name].theta, runs[g.name].tau,
-                   validation=g.validation)
+        GroupTable(g.name, g.trajectory, g.payload, run.time, run.theta, run.tau, validation=g.validation)
         for g in plan.groups
-    ]  # fmt: skip
+        for run in (runs[g.name],)
+    ]
     write_set(
         folder,
         robot=plan.source,
         joints=plan.robot.joints,
         groups=tables,
         payloads=plan.payloads,
-        torque_hold=CYCLE,
+        torque_hold=runs[plan.groups[0].name].torque_hold,
         initial_stiffness=plan.initial_stiffness,
         initial_motor_inertia=plan.initial_motor_inertia,
         effects=plan.effects,
@@ -100,48 +91,47 @@ def _write(folder: Path, plan: Plan, runs: dict[str, Run]) -> None:
     )
 
 
-def _truth(case: Case, plan: Plan, size: MotionScale, runs: dict[str, Run]) -> dict[str, Any]:
-    """The truth as the scoring script reads it, and with what the study wants to know besides."""
-    model, joints = plan.model, list(plan.robot.joints)
-    known = len(plan.model.effects) - len(case.effects)
-    tau = np.concatenate([run.tau for run in runs.values()])
-    hidden = [_hidden(e, plan, size) for e in model.effects[known:]]
-    for joint, law in plan.laws:
-        entry = {"effect": "unknown", "joint": joint, "parameters": asdict(law), "kind": case.extra_law}  # type: ignore[call-overload]
-        hidden.append(entry | {"payload": None, "group": None})
+def base_truth(case: Any, plan: Plan, hidden: list[Json]) -> Json:
+    """What the truth files of all studies have: the case, its robot's values and what is hidden in it."""
+    model = plan.model
     return {
         "case": case.name,
-        "kind": case.kind,
         "robot": case.robot,
-        "effects": hidden,
+        "joints": list(plan.robot.joints),
         "seed": case.seed,
-        "noise_scale": case.noise,
+        "effects": hidden,
         "stiffness": model.stiffness.tolist(),
         "motor_inertia": model.motor_inertia.tolist(),
         "viscous_link": model.link_viscous_friction.tolist(),
         "viscous_motor": model.motor_viscous_friction.tolist(),
+        "inertial": model.inertial.tolist(),
+    }
+
+
+def _truth(case: Case, plan: Plan, size: MotionScale, runs: dict[str, Run]) -> Json:
+    effects, known = plan.model.effects, len(plan.model.effects) - len(case.effects)
+    tau = np.concatenate([run.tau for run in runs.values()])
+    hidden = [_hidden(e, plan, size) for e in effects[known:]]
+    for joint, law in plan.laws:
+        entry = {"effect": "unknown", "joint": joint, "parameters": asdict(law), "kind": case.extra_law}  # type: ignore[call-overload]
+        hidden.append(entry | {"payload": None, "group": None})
+    return base_truth(case, plan, hidden) | {
+        "kind": case.kind,
+        "noise_scale": case.noise,
         "base": list(case.base),
         "noise": {"theta": plan.sensors.theta_noise, "tau": plan.sensors.torque_noise},
-        "joints": joints,
-        "inertial": model.inertial.tolist(),
-        "base_effects": [asdict(e) for e in model.effects[:known]],
+        "base_effects": [asdict(e) for e in effects[:known]],
         "torque_rms": np.sqrt(np.mean(tau**2, axis=0)).tolist(),
         "residual_ratio": None,
         "weak": False,
     }
 
 
-def _hidden(effect: EffectValue, plan: Plan, size: MotionScale) -> dict[str, Any]:
-    scored = {k: v for k, v in effect.parameters.items() if k not in UNSCORED}
-    parameter = SIZES[effect.effect].parameter
-    return {
-        "effect": effect.effect,
-        "joint": effect.joint,
-        "parameters": scored,
+def _hidden(effect: EffectValue, plan: Plan, size: MotionScale) -> Json:
+    return asdict(effect) | {
+        "parameters": {k: v for k, v in effect.parameters.items() if k not in UNSCORED},
         "kind": effect.effect,
-        "payload": effect.payload,
-        "group": effect.group,
         "all_parameters": dict(effect.parameters),
-        "size": abs(effect.parameters[parameter]),
+        "size": abs(effect.parameters[SIZES[effect.effect].parameter]),
         "natural": natural(effect.effect, effect.joint, plan, size),
     }

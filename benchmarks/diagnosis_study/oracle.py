@@ -1,4 +1,4 @@
-"""The fit that knows the truth, and what it gains: with the workbench that the diagnosis itself uses.
+"""The fit that is given the hidden effects, and what it gains: with the workbench of the diagnosis itself.
 
 The only file of the study that reaches inside the diagnosis.
 """
@@ -6,54 +6,40 @@ The only file of the study that reaches inside the diagnosis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchmarks.running import Json
 from flexviz.diagnosis import Fit, FitContext
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import Equation, Layout, build_signals
+from flexviz.equation import INERTIAL_NAMES, Equation, Layout, build_signals
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.observers import FlatZeroPhase
-
-Array = NDArray[np.float64]
 
 QUICK, LONG = 12, 30  # iterations of a fit: at first, and where the gain may be about the limit
 CLEAR = 3000.0  # a gain beyond which nobody asks for the last bit
 ERROR_HERTZ = 5.0  # band of the errors that are compared
 
 
-@dataclass(frozen=True)
-class Knowing:
-    """What can be known of a case.
-
-    Attributes:
-        gain: fall of χ² (and the weighting's determinant) from the best base model to the fit that knows the
-            truth; of a law that the library does not have, to the base model's fit of the twin, which is the
-            same set without that law; of a clean set, to the noise floor itself.
-        gains: the same for each hidden effect when the fit knows all others.
-        objective_gain: the same fall in the diagnosis' own objective.
-        chi, chi_base: (n,) mean square of the whitened residual, fit groups, with and without what is hidden.
-        chi_held_out: (n,) of the validation group, with what is hidden.
-        model: the fit that knows the truth.
-        converged: both fits.
-    """
-
-    gain: float
-    gains: tuple[float, ...]
-    objective_gain: float
-    chi: tuple[float, ...]
-    chi_base: tuple[float, ...]
-    chi_held_out: tuple[float, ...]
-    model: FlexibleModel
-    converged: bool
+def final_model(document: Json, joints: Sequence[str]) -> FlexibleModel:
+    """The final model of a diagnosis, from its JSON."""
+    values = {(p["name"], p["joint"]): p["value"] for p in document["model"]["parameters"]}
+    names = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction", *INERTIAL_NAMES)
+    k, b, link, motor, *inertial = (np.array([values[name, joint] for joint in joints]) for name in names)
+    effects = [
+        EffectValue(
+            e["effect"], e["joint"], {k: v["value"] for k, v in e["parameters"].items()},
+            e.get("group"), e.get("payload"),
+        )
+        for e in document["model"]["effects"]
+    ]  # fmt: skip
+    return FlexibleModel(tuple(joints), k, b, link, motor, np.array(inertial).T, tuple(effects))
 
 
-def true_model(truth: dict[str, Any]) -> FlexibleModel:
+def true_model(truth: Json) -> FlexibleModel:
     """The truth of a case as a model, without what the library does not have."""
     named = [e for e in truth["effects"] if e["effect"] != "unknown"]
     values = [
@@ -73,66 +59,69 @@ def true_model(truth: dict[str, Any]) -> FlexibleModel:
     )
 
 
-def know(measurements: MeasurementSet, truth: dict[str, Any], twin: MeasurementSet | None = None) -> Knowing:
+def know(measurements: MeasurementSet, truth: Json, twin: MeasurementSet | None = None) -> Json:
     """Fit the base model, and the one with the true effects, started from the truth.
 
     Args:
         measurements: what the diagnosis sees.
         truth: what is hidden in it.
         twin: the same without the law that the library does not have, where there is one.
+
+    Returns:
+        gain: fall of χ² (and the weighting's determinant) from the best base model to the fit that is given
+            the effects; of a law that the library does not have, to the base model's fit of the twin; of a
+            clean set, to the noise floor itself.
+        gains: the same for each hidden effect when the fit has all others.
+        objective_gain: the same fall in the diagnosis' own objective.
+        chi, chi_base: (n,) mean square of the whitened residual, fit groups, with and without what is hidden.
+        chi_held_out: (n,) of the validation group, with what is hidden.
+        converged: both fits; stiffness, motor_inertia, effects, errors: of the one that is given the effects.
     """
     joints, true = measurements.joints, true_model(truth)
     base = Layout(joints, choose_effects(measurements.effects, joints))
     context = FitContext(measurements, base)
     hidden = [chosen(e, joints) for e in true.effects[len(truth["base_effects"]) :]]
-    plain = identify(measurements)
+    plain = identify(measurements, refine=False)
     without = context.fit(base, base.vector(plain.model), iterations=QUICK)
+    gains: list[float] = []
     if not hidden:
-        chi, model = tuple(map(float, without.chi)), base.model(without.x)
-        best = _fitted_to(twin, base) if twin is not None else without
-        if twin is not None:
-            gain = _chi_square(without) - _chi_square(best)
-        else:
-            gain = _misfit(without) - _samples(without) * base.n
-        held_out = tuple(map(float, best.chi_held_out))
-        return Knowing(
-            gain,
-            (),
-            gain,
-            tuple(map(float, best.chi)),
-            chi,
-            held_out,
-            model,
-            without.converged and best.converged,
-        )
-    layout = with_hidden(base, hidden)
-    full = context.fit(layout, layout.vector(true), iterations=QUICK)
-    if not full.converged:
-        full = _better(full, context.fit(layout, full.x, iterations=LONG))
-    without = _careful(context, base, true, without, full)
-    gains = []
-    for k in range(len(hidden)):
-        part = without
-        if len(hidden) > 1:
-            less = with_hidden(base, hidden[:k] + hidden[k + 1 :])
-            part = context.fit(less, less.vector(layout.model(full.x)), iterations=QUICK)
-            part = _careful(context, less, true, part, full)
-        gains.append(_chi_square(part) - _chi_square(full))
-    return Knowing(
-        _chi_square(without) - _chi_square(full),
-        tuple(gains),
-        without.objective - full.objective,
-        tuple(map(float, full.chi)),
-        tuple(map(float, without.chi)),
-        tuple(map(float, full.chi_held_out)),
-        layout.model(full.x),
-        full.converged and without.converged,
-    )
+        model, best = base.model(without.x), _fitted_to(twin, base) if twin is not None else without
+        floor = _samples(without) * base.n
+        gain = _misfit(without) - floor if twin is None else _chi_square(without) - _chi_square(best)
+        objective_gain = gain
+    else:
+        layout = with_hidden(base, hidden)
+        best = context.fit(layout, layout.vector(true), iterations=QUICK)
+        if not best.converged:
+            best = _better(best, context.fit(layout, best.x, iterations=LONG))
+        model = layout.model(best.x)
+        without = _careful(context, base, true, without, best)
+        for k in range(len(hidden)):
+            part = without
+            if len(hidden) > 1:
+                less = with_hidden(base, hidden[:k] + hidden[k + 1 :])
+                part = context.fit(less, less.vector(model), iterations=QUICK)
+                part = _careful(context, less, true, part, best)
+            gains.append(_chi_square(part) - _chi_square(best))
+        gain, objective_gain = _chi_square(without) - _chi_square(best), without.objective - best.objective
+    return {
+        "gain": gain,
+        "gains": gains,
+        "objective_gain": objective_gain,
+        "chi": best.chi.tolist(),
+        "chi_base": without.chi.tolist(),
+        "chi_held_out": best.chi_held_out.tolist(),
+        "converged": without.converged and best.converged,
+        "errors": errors(measurements, model) if gains or not truth["effects"] else None,
+        "stiffness": model.stiffness.tolist(),
+        "motor_inertia": model.motor_inertia.tolist(),
+        "effects": [asdict(e) for e in model.effects],
+    }
 
 
 def _fitted_to(measurements: MeasurementSet, layout: Layout) -> Fit:
     """The base model fitted to a set that lacks nothing."""
-    start = layout.vector(identify(measurements).model)
+    start = layout.vector(identify(measurements, refine=False).model)
     return FitContext(measurements, layout).fit(layout, start, iterations=LONG)
 
 
@@ -149,7 +138,7 @@ def with_hidden(base: Layout, hidden: Sequence[ChosenEffect]) -> Layout:
     return Layout(base.joints, (*kept, *hidden))
 
 
-def errors(measurements: MeasurementSet, model: FlexibleModel) -> tuple[float, ...]:
+def errors(measurements: MeasurementSet, model: FlexibleModel) -> list[float]:
     """Residual rms of a model per joint over the held-out groups [Nm], in a band that is flat."""
     groups = [g for g in measurements.groups if g.validation]
     layout = Layout(measurements.joints, tuple(chosen(e, measurements.joints) for e in model.effects))
@@ -157,7 +146,7 @@ def errors(measurements: MeasurementSet, model: FlexibleModel) -> tuple[float, .
     signals = build_signals(measurements, groups, FlatZeroPhase(2 * np.pi * ERROR_HERTZ))
     equation = Equation(measurements.robot, signals, layout)
     residual = equation.evaluate(x).residual
-    return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))
+    return np.sqrt(np.mean(residual**2, axis=0)).tolist()
 
 
 def _careful(context: FitContext, layout: Layout, true: FlexibleModel, fit: Fit, full: Fit) -> Fit:

@@ -5,16 +5,15 @@ Without `--write` the exit code is 1 when one does.
 
 from __future__ import annotations
 
-import argparse
 import sys
+from typing import Annotated
 
+from benchmarks.command import command
 from benchmarks.effect_pages.pages import FOLDER, files
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.effect_pages", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="write them, and remove what no effect has")
-    write = parser.parse_args().write
+@command
+def main(*, write: Annotated[bool, "write them, and remove what no effect has"] = False) -> int:
     wanted = {name: text.encode() for name, text in files().items()}
     there = {path.name: path.read_bytes() for path in FOLDER.glob("*")} if FOLDER.is_dir() else {}
     stale = sorted(name for name in wanted.keys() | there.keys() if wanted.get(name) != there.get(name))

@@ -10,10 +10,11 @@ from flexviz.effects import EFFECTS, SIGN_VELOCITY, Effect
 from flexviz.wording import SCOPES, bounds_text, enters_text, parameter_text, relation_text, simulated_text
 
 FOLDER = Path(__file__).resolve().parent.parent.parent / "docs" / "effects"
+LAWS = FOLDER.parent / "images" / "laws"  # by `python -m benchmarks.law_page`
 NOTE = "<!-- made from the classes in flexviz/effects by `python -m benchmarks.effect_pages --write` -->"
 WIDTH = 110
 INDEX = f"""\
-What a joint may have beside stiffness K, motor inertia B and viscous friction on both sides (f_mv, f_lv).
+What a joint may have apart from stiffness K, motor inertia B and viscous friction on both sides (f_mv, f_lv).
 Every quantity of the motor is expressed at the joint: θ is the motor's angle, q the link's, δ = θ − q, and
 
     s = τ − Bθ̈ − f_mv θ̇        transmission torque
@@ -22,7 +23,12 @@ Every quantity of the motor is expressed at the joint: θ is the motor's angle, 
 
 An effect's u enters in one of three places, which its page names. sign(v) is taken as
 tanh(v / {SIGN_VELOCITY:g} rad/s). `flexviz effects` lists the same in a terminal, `--json FILE` for a
-program. What is not here can be added: [effects of your own](../user-effects.md).
+program. What is not here can be added: [user-defined effects](../user-effects.md).
+"""
+
+LAW = """\
+The law through the data of a simulated set: residual plus the effect's own contribution, averaged; the law
+with the band of ± 95 %. A wrong effect's data leave such a band.
 """
 
 
@@ -59,6 +65,7 @@ def page(effect: Effect) -> str:
         _parameters(effect),
         f"![{effect.title}: u along a motion]({name}.svg)",
         _wrapped(caption(name)),
+        *_law(effect),
         _wrapped(f"**In a residual.** {effect.signature}"),
         _wrapped(f"**In the simulator.** {simulated_text(effect)}"),
         _wrapped(f"**What confirms it.** {effect.confirm}"),
@@ -66,6 +73,14 @@ def page(effect: Effect) -> str:
         "[All effects](README.md)",
     ]
     return "\n\n".join(blocks) + "\n"
+
+
+def _law(effect: Effect) -> list[str]:
+    """The law through the data of a simulated set; nothing of an effect for which there is no picture yet."""
+    if not (LAWS / f"{effect.name}.svg").is_file():
+        return []
+    picture = f"![{effect.title} through simulated data](../images/{LAWS.name}/{effect.name}.svg)"
+    return [picture, _wrapped(LAW)]
 
 
 def _parameters(effect: Effect) -> str:

@@ -134,6 +134,12 @@ PICTURES: dict[str, Picture] = {
         (Curve(loaded(0.3), (0.05,), "forwards"), Curve(loaded(-0.3), (0.05,), "backwards")),
         LOADING + " in both directions",
     ),
+    "driving_friction": Picture(
+        LOAD,
+        torque,
+        (Curve(loaded(0.3), (0.05, 0.12), "forwards"), Curve(loaded(-0.3), (0.05, 0.12), "backwards")),
+        LOADING + " in both directions",
+    ),
     "presliding_hysteresis": Picture(
         POSITION, theta, (Curve(creeping(), (200.0, 2.0)),), "a motion with small turns back, from rest"
     ),

@@ -11,98 +11,67 @@ the set's folder. Each can be interrupted and goes on where it was.
 
 from __future__ import annotations
 
-import argparse
-import os
 import shlex
 import sys
 from pathlib import Path
+from typing import Annotated, Literal
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
+from typer import BadParameter
 
-from benchmarks.kept_results import say
-from benchmarks.measuring_stick import running
-from benchmarks.measuring_stick.sets import CLASSES, StickSet, find_sets
+from benchmarks.command import command
+from benchmarks.measuring_stick.sets import CLASSES, find_sets
+from benchmarks.running import LONGEST, DiagnoseCommand, diagnose_all
 
-SEEDS = (1009, 2003, 3001)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    options = parser().parse_args(arguments)
-    try:
-        return options.act(options)
-    except KeyboardInterrupt:
-        say("interrupted; what is done is kept")
-        return 130
-
-
-def make(options: argparse.Namespace) -> int:
-    """Simulate what is not there yet."""
-    from benchmarks.measuring_stick import (
-        making,  # `run` stays small: its children's memory starts at its own
-    )
-
-    making.make(options.work, options.seed or SEEDS, options.jobs, options.larger)
-    return 0
-
-
-def run(options: argparse.Namespace) -> int:
-    """Diagnose what has no result."""
-    commands = dict(options.command)
-    running.run(options.work, chosen(options), commands, options.jobs, options.timeout, options.retry)
-    return 0
-
-
-def report(options: argparse.Namespace) -> int:
-    """Print the report."""
-    from benchmarks.measuring_stick.report import report as text
-
-    print(text(options.work, chosen(options), options.names or running.command_names(options.work)))
-    return 0
-
-
-def chosen(options: argparse.Namespace) -> list[StickSet]:
-    """The sets that are asked for."""
-    return find_sets(options.work, options.given, options.public, options.classes, options.only)
+SEEDS = [1009, 2003, 3001]
+NONE: list[str] = []
 
 
 def named_command(given: str) -> tuple[str, tuple[str, ...]]:
     """NAME=CMD as a name and words."""
     name, sign, words = given.partition("=")
     if not (name.isidentifier() and sign and words.strip()):
-        raise argparse.ArgumentTypeError(f'"{given}": expected NAME=CMD, as in base=/there/.venv/bin/flexviz')
+        raise BadParameter(f'"{given}": expected NAME=CMD, as in base=/there/.venv/bin/flexviz')
     return name, tuple(shlex.split(words))
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line."""
-    out = argparse.ArgumentParser(
-        prog="python -m benchmarks.measuring_stick",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    commands = out.add_subparsers(required=True)
-    made = commands.add_parser("make", help="simulate the sets")
-    made.set_defaults(act=make)
-    made.add_argument("--seed", type=int, action="append", help=f"by default {SEEDS}")
-    made.add_argument("--larger", type=int, default=1, metavar="N", help="N times as many as usual")
-    ran = commands.add_parser("run", help="diagnose the sets")
-    ran.set_defaults(act=run)
-    ran.add_argument("--command", type=named_command, action="append", required=True, metavar="NAME=CMD")
-    ran.add_argument("--timeout", type=float, default=running.LONGEST, metavar="S", help="of one set [s]")
-    ran.add_argument("--retry", action="store_true", help="also those that gave no answer")
-    told = commands.add_parser("report", help="print what was found")
-    told.set_defaults(act=report)
-    told.add_argument("--names", nargs="+", metavar="NAME", help="commands to compare; all by default")
-    for command in (made, ran, told):
-        command.add_argument("--work", type=Path, required=True, help="folder of simulated sets and results")
-    for command in (made, ran):
-        command.add_argument("--jobs", type=int, default=1)
-    for command in (ran, told):
-        command.add_argument("--given", type=Path, metavar="DIR", help="has practice, robotlike and real")
-        command.add_argument("--public", type=Path, metavar="DIR", help="sets of benchmarks.public_robots")
-        command.add_argument("--classes", nargs="+", choices=CLASSES, default=(), metavar="CLASS")
-        command.add_argument("--only", default="", metavar="TEXT", help="sets with TEXT in their keys")
-    return out
+@command
+def main(
+    what: Literal["make", "run", "report"],
+    *,
+    work: Annotated[Path, "folder of simulated sets and results"],
+    seed: Annotated[list[int], "of the sets to make"] = SEEDS,
+    larger: Annotated[int, "so many times as many sets as usual"] = 1,
+    jobs: int = 1,
+    command: Annotated[list[str], "NAME=CMD"] = NONE,
+    timeout: Annotated[float, "of one set [s]"] = LONGEST,
+    retry: Annotated[bool, "also those that gave no answer"] = False,
+    names: Annotated[list[str], "commands to compare; all by default"] = NONE,
+    given: Annotated[Path | None, "folder that has practice, robotlike and real"] = None,
+    public: Annotated[Path | None, "sets of benchmarks.public_robots"] = None,
+    classes: Annotated[list[str], "of the sets, all by default", CLASSES] = NONE,
+    only: Annotated[str, "sets with this text in their keys"] = "",
+) -> int:
+    # `run` imports little: its children's memory starts at its own
+    if what == "make":
+        from benchmarks.measuring_stick.making import make
+
+        make(work, seed, jobs, larger)
+        return 0
+    sets = find_sets(work, given, public, classes, only)
+    if what == "run":
+        commands = dict(map(named_command, command))
+        if not commands:
+            raise BadParameter("run needs --command NAME=CMD")
+        made = {
+            work / "results" / name: DiagnoseCommand(words, timeout, True) for name, words in commands.items()
+        }
+        diagnose_all({one.key: one.folder for one in sets}, made, jobs, retry)
+        return 0
+    from benchmarks.measuring_stick.report import report
+
+    there = sorted(path.name for path in (work / "results").glob("*") if path.is_dir())
+    print(report(work, sets, names or there))
+    return 0
 
 
 if __name__ == "__main__":

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks import filtered_logs, servo_joint
-from benchmarks.diagnosis_study import running as diagnosis
 from benchmarks.diagnosis_study.cases import cases
-from benchmarks.robotlike_study import running as robotlike
+from benchmarks.diagnosis_study.making import make as make_case
+from benchmarks.diagnosis_study.making import make_all
 from benchmarks.robotlike_study.cases import cases as robot_cases
+from benchmarks.robotlike_study.making import make as make_robot
 
 NUMBERS: dict[tuple[str, str], int] = {  # (kind, robot): cases of `benchmarks.diagnosis_study` for each seed
     ("single", "2r"): 20,
@@ -32,8 +33,8 @@ def make(work: Path, seeds: Sequence[int], jobs: int, larger: int = 1) -> None:
     for k, seed in enumerate(seeds):
         folder = work / f"fresh-{seed}"
         numbers = {where: larger * count for where, count in NUMBERS.items()}
-        diagnosis.make_all(folder / "diagnosis", cases(seed, numbers), jobs)
-        robotlike.make_all(folder / "robotlike", robot_cases(seed, larger * ROBOTLIKE), jobs)
+        make_all(folder / "diagnosis", cases(seed, numbers), make_case, jobs)
+        make_all(folder / "robotlike", robot_cases(seed, larger * ROBOTLIKE), make_robot, jobs)
         if k == 0:
             filtered_logs.make(folder / "filtered", seed, FILTERED)
             servo_joint.make(folder / "servo", seed)

@@ -1,136 +1,78 @@
-"""The report in Markdown: a table of classes, recorded robots, calibration, and where two commands differ."""
+"""The report in Markdown: what every study reports, and the errors of recorded robots.
+
+Those are measured on every version's last model by one and the same code.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measuring_stick.judging import Judgement, judge
-from benchmarks.measuring_stick.recorded import HEAD as RECORDED_HEAD
-from benchmarks.measuring_stick.recorded import recorded_rows
-from benchmarks.measuring_stick.running import read_result
-from benchmarks.measuring_stick.sets import CLASSES, StickSet
-
-Judged = dict[str, dict[str, Judgement]]  # set's key → command → judgement
-
-SURE = 0.9  # confidence from which the table of classes counts
-BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)  # of stated confidence
-HEAD = """| class | command | sets | found | false | right | verdict right | first right | held out × | \
-value error, 90 % | stated ≥ .9 | CPU [s] | CPU × | most MB |
-|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"""
+from benchmarks.diagnosis_study.judging import judge
+from benchmarks.diagnosis_study.oracle import final_model
+from benchmarks.diagnosis_study.report import report as study_report
+from benchmarks.diagnosis_study.report import text
+from benchmarks.measuring_stick.sets import CLASSES, MANY, StickSet
+from benchmarks.real import held_out_share
+from benchmarks.running import Json, read, result_file, write
+from benchmarks.tables import NONE, Table
+from flexviz.measurements import read_set
 
 
 def report(work: Path, sets: Sequence[StickSet], names: Sequence[str]) -> str:
     """The whole report of the commands with these names."""
-    judged = judgements(work, sets, names)
-    both = [one for one in sets if len(judged[one.key]) == len(names)]
-    parts = [
-        f"{len(both)} of {len(sets)} sets have a result of every command",
-        "",
-        class_table(both, names, judged),
-    ]
-    recorded = recorded_rows(work, [one for one in sets if one.kind == "real"], names)
+    files = {name: {one.key: result_file(work / "results" / name, one.key) for one in sets} for name in names}
+    judged = {
+        name: {
+            one.key: judge(read(one.truth) if one.truth else None, read(file), CLASSES[one.kind] == MANY)
+            for one in sets
+            if (file := files[name][one.key]).is_file()
+        }
+        for name in names
+    }
+    parts = study_report(judged, {one.key: one.kind for one in sets})
+    recorded = [row for one in sets if one.kind == "real" for name in names for row in _row(one, name, files)]
     if recorded:
-        parts += ["", "Recorded robots: held-out rms while moving, last model", "", RECORDED_HEAD, *recorded]
-    parts += ["", "Stated confidence: how many, share right", "", calibration(both, names, judged)]
-    for first, second in pairwise(names):
-        parts += ["", f"Sets on which {first} and {second} differ", *differences(both, first, second, judged)]
-    if len(names) == 1:
-        parts += ["", "Sets that are not right", *wrong(both, names[0], judged)]
-    return "\n".join(parts)
+        head = [
+            "set",
+            "command",
+            "mean [% of torque spread]",
+            "each joint",
+            "stated",
+            "effects",
+            "last",
+            "CPU [s]",
+        ]
+        parts[2:2] = ["Recorded robots: held-out rms while moving, last model", [head, *recorded]]
+    return text(parts, in_markdown=True)
 
 
-def judgements(work: Path, sets: Sequence[StickSet], names: Sequence[str]) -> Judged:
-    """Every result that is there."""
-    out: Judged = {}
-    for one in sets:
-        results = {name: read_result(work, name, one.key) for name in names}
-        out[one.key] = {name: judge(one, result) for name, result in results.items() if result is not None}
-    return out
+def stated_share(got: Json) -> list[float]:
+    """Held-out error of the last step over the torque's spread, as a result states it, shape (n,)."""
+    steps, spread = got.get("steps") or [], got.get("torque", {}).get("spread", [])
+    if not steps or not steps[-1].get("rms_validation"):
+        return []
+    return [rms / max(s, 1e-12) for rms, s in zip(steps[-1]["rms_validation"], spread, strict=False)]
 
 
-def class_table(sets: Sequence[StickSet], names: Sequence[str], judged: Judged) -> str:
-    """A row for each class and command, and the sums."""
-    rows = [HEAD]
-    for kind in (*CLASSES, ""):
-        chosen = [one.key for one in sets if kind in ("", one.kind)]
-        costs = {name: sum(judged[key][name].cpu for key in chosen) for name in names}
-        for name in names if chosen else ():
-            cells = class_cells([judged[key][name] for key in chosen])
-            cells.insert(-1, f"{costs[name] / max(costs[names[0]], 1e-12):.2f}")
-            rows.append("| " + " | ".join([kind or "all", name, *cells]) + " |")
-    return "\n".join(rows)
-
-
-def class_cells(given: Sequence[Judgement]) -> list[str]:
-    """Figures of some sets: from their number to the largest memory, without the ratio of times."""
-    must, missed = sum(len(j.must) for j in given), sum(len(j.missed) for j in given)
-    errors = [error for j in given for error in j.value_errors]
-    sure = [right for j in given for p, right in j.stated if p >= SURE]
-    return [
-        str(len(given)),
-        f"{must - missed}/{must}" if must else "–",
-        str(sum(len(j.false) for j in given)) if any(j.right is not None for j in given) else "–",
-        share(j.right for j in given),
-        share(j.verdict_right for j in given),
-        share(j.first_right for j in given),
-        quantile([j.held_out for j in given if j.held_out is not None], 0.5),
-        f"{quantile(errors, 0.5)}, {quantile(errors, 0.9)}" if errors else "–",
-        share(sure),
-        f"{sum(j.cpu for j in given):.0f}",
-        f"{max(j.peak for j in given):.0f}",
-    ]
-
-
-def calibration(sets: Sequence[StickSet], names: Sequence[str], judged: Judged) -> str:
-    """Stated confidence of what was added against how often it is right."""
-    rows = ["| stated | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
-    for low, high in pairwise(BINS):
-        cells = []
-        for name in names:
-            pairs = [pair for one in sets for pair in judged[one.key][name].stated]
-            cells.append(share(r for p, r in pairs if low <= p < high or p == high == BINS[-1]))
-        rows.append(f"| {low:g} to {high:g} | " + " | ".join(cells) + " |")
-    return "\n".join(rows)
-
-
-def differences(sets: Sequence[StickSet], first: str, second: str, judged: Judged) -> list[str]:
-    """What both said, where it is not the same."""
-    lines = []
-    for one in sets:
-        a, b = judged[one.key][first], judged[one.key][second]
-        if a.said != b.said:
-            mark = " (worse)" if a.right and not b.right else " (better)" if b.right and not a.right else ""
-            lines += [f"- {one.key}{mark}", f"    - {first}: {words(a)}", f"    - {second}: {words(b)}"]
-    return lines or ["none"]
-
-
-def wrong(sets: Sequence[StickSet], name: str, judged: Judged) -> list[str]:
-    """What was said where it is not right."""
-    found = [(one.key, judged[one.key][name]) for one in sets]
-    return [f"- {key}: {words(j)}" for key, j in found if j.right is False] or ["none"]
-
-
-def words(judgement: Judgement) -> str:
-    """A judgement in a line."""
-    if judgement.error is not None:
-        return judgement.error.splitlines()[-1]
-    out = [f"{judgement.verdict}{' (wrong)' if judgement.verdict_right is False else ''}"]
-    out.append(f"added {', '.join(judgement.added) or 'nothing'}")
-    for label, items in (("missed", judgement.missed), ("false", judgement.false)):
-        out += [f"{label} {', '.join(items)}"] if items else []
-    return "; ".join(out)
-
-
-def share(hits: Iterable[bool | None]) -> str:
-    """How many of those that are asked."""
-    asked = [hit for hit in hits if hit is not None]
-    return f"{sum(asked)}/{len(asked)}" if asked else "–"
-
-
-def quantile(values: Sequence[float], part: float) -> str:
-    """A quantile, or a dash."""
-    return f"{np.quantile(values, part):.3g}" if values else "–"
+def _row(one: StickSet, name: str, files: dict[str, dict[str, Path]]) -> Table:
+    """The row of a set and a command, none without a result; the errors are kept in the result."""
+    file = files[name][one.key]
+    if not file.is_file():
+        return []
+    result = read(file)
+    if "diagnosis" not in result:
+        return [[one.key, name, result["error"].splitlines()[-1], *[""] * 5]]
+    got = result["diagnosis"]
+    if "share" not in result:
+        measurements = read_set(one.folder)
+        result["share"] = held_out_share(measurements, final_model(got, measurements.joints)).tolist()
+        write(file, result)
+    stated, share = stated_share(got), result["share"]
+    return [[
+        one.key, name, f"{100 * np.mean(share):.1f}", " ".join(f"{100 * x:.1f}" for x in share),
+        f"{100 * np.mean(stated):.1f}" if stated else NONE, str(len(got["model"]["effects"])),
+        got["steps"][-1]["verdict"] if got.get("steps") else got["verdict"], f"{result['cpu']:.0f}",
+    ]]  # fmt: skip

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.running import case_folder, made_cases, truth_file
+
 EFFECTS, MANY, RECORDED = "effects", "many", "recorded"  # how a set is judged
 CLASSES: dict[str, str] = {
     "practice": EFFECTS,
@@ -86,10 +88,8 @@ def _fresh(work: Path) -> Iterator[StickSet]:
 
 def _pairs(root: Path) -> Iterator[tuple[str, Path, Path]]:
     """Name, set and truth of every case that is completely made."""
-    for truth in sorted((root / "truth").glob("*.json")):
-        folder = root / "cases" / truth.stem
-        if folder.is_dir():
-            yield truth.stem, folder, truth
+    for name in made_cases(root):
+        yield name, case_folder(root, name), truth_file(root, name)
 
 
 def _study_class(name: str) -> str:

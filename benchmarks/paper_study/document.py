@@ -1,4 +1,4 @@
-"""docs/paper.md: a frame of fixed text with two parts that the commands renew."""
+"""benchmarks/results/paper.md: a frame of fixed text with two parts that the commands renew."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from benchmarks.paper_study import tables
 from benchmarks.paper_study.findings import Results, findings
 from benchmarks.paper_study.methods import SETTLED, SMALL
 from benchmarks.paper_study.seeds import Statistics
+from benchmarks.tables import markdown
 
-PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "paper.md"
+PAGE = Path(__file__).resolve().parents[1] / "results" / "paper.md"
 START_TEXT = {"rest": "from rest", "moving": "started moving"}
 PARTS = ("table", "seeds")
 Checked = Sequence[tuple[str, bool]]
 
 FRAME = """\
-# The paper's simulation, repeated
+# The paper's simulation, repeated: all tables
+
+[The page](../../docs/paper.md) says what they mean.
 
 Groups A–F are the paper's trajectory-payload groups as we read them: A {T1P1, T2P2}, B {T1P1, T2P2, T3P3}, C
 {T1P1, T2P1, T3P3}, D {T1P1, T2P1, T3P1}, E {T1P2, T2P2, T3P2}, F {T1P1}. The paper's true values are lost;
@@ -72,7 +75,7 @@ def table_part(results: Results, checked: Checked) -> str:
     ]
     for letter, start in results.studies():
         parts.append(f"### Group {letter.upper()}, {START_TEXT[start]}")
-        parts.append(tables.markdown(tables.compact(results.of(letter, start))))
+        parts.append(markdown(tables.compact(results.of(letter, start))))
     parts += [
         "## Every parameter",
         "Value ± half of the 95 % interval; weak and no are the program's own marks, everything else it "
@@ -83,7 +86,7 @@ def table_part(results: Results, checked: Checked) -> str:
     ]
     for letter, start in results.studies():
         parts.append(f"### Parameters of group {letter.upper()}, {START_TEXT[start]}")
-        parts.append(tables.markdown(tables.full(results.of(letter, start))))
+        parts.append(markdown(tables.full(results.of(letter, start))))
     return join(parts)
 
 
@@ -102,7 +105,7 @@ def seeds_part(parts: Sequence[tuple[str, list[Statistics], Checked]]) -> str:
     ]
     for start, statistics, checked in parts:
         text.append(f"### Group B, {START_TEXT[start]}, {statistics[0].seeds} seeds")
-        text += [tables.markdown(tables.statistics(statistics)), verdicts(checked)]
+        text += [markdown(tables.statistics(statistics)), verdicts(checked)]
     return join(text)
 
 

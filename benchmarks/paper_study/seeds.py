@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from benchmarks.paper_study.bound import covariance_bound, information, linearise
 from benchmarks.paper_study.methods import REFINED
 from benchmarks.paper_study.simulated import Study, pool, simulate_all, study
-from benchmarks.paper_study.truth import QUANTILE, Row, compare
+from benchmarks.paper_study.truth import Row, compare
 from flexviz.estimation.base_inertials import base_parameters
 from flexviz.identification import identify
+from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
 
@@ -89,7 +90,7 @@ def run(start: str, seeds: int, processes: int = 2) -> list[Statistics]:
     value = np.array([[row.value for row in rows] for rows in results])
     std = np.array([[row.std for row in rows] for rows in results])
     truth = np.array([row.truth for row in results[0]])
-    covered = np.abs(value - truth) <= QUANTILE * std
+    covered = np.abs(value - truth) <= NORMAL_95 * std
     return [
         Statistics(
             results[0][i].label,

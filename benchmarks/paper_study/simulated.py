@@ -11,12 +11,12 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.measurements import Group, MeasurementSet, Segment
+from benchmarks.design_study.sets import in_memory
+from flexviz.measurements import MeasurementSet
 from flexviz.robot import PayloadBody
 from flexviz.simulation import Plan, Run, make_plan
 
@@ -114,38 +114,5 @@ def study(letter: str, start: str) -> Study:
     """Group `letter` from `start`: fit groups and one validation group."""
     plan = make_plan(f"paper-{letter}", start=start)
     motions = {group.name: _motion(group.name, start) for group in plan.groups}
-    groups = []
-    for group in plan.groups:
-        run = motions[group.name].run
-        step = float(run.time[1] - run.time[0])
-        segment = Segment(run.time, run.theta, run.tau, step)
-        bodies = plan.payloads[group.payload]
-        groups.append(
-            Group(
-                group.name,
-                group.trajectory,
-                group.payload,
-                bodies,
-                group.validation,
-                Path(f"{group.name}.parquet"),
-                (segment,),
-                run.time,
-            )
-        )
-    joints, controller = plan.robot.joints, plan.controller
-    clean = MeasurementSet(
-        path=Path(plan.name),
-        name=plan.name,
-        robot=plan.robot,
-        joints=joints,
-        torque_hold=controller.cycle,
-        initial_stiffness=plan.initial_stiffness,
-        initial_motor_inertia=plan.initial_motor_inertia,
-        kp=controller.kp,
-        kd=controller.kd,
-        effects=plan.effects,
-        payloads=plan.payloads,
-        groups=tuple(groups),
-        simulated=True,
-    )
+    clean = replace(in_memory(plan, {name: motion.run for name, motion in motions.items()}), simulated=True)
     return Study(letter, start, plan, clean, motions)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from benchmarks.paper_study.methods import CAUSAL, EQUAL_50, PAPER, REFINED, ZERO, Method, Outcome
 from benchmarks.paper_study.seeds import Statistics
-from benchmarks.paper_study.truth import CLASSES, QUANTILE, Row
-
-Table = list[list[str]]  # the first row is the head
+from benchmarks.paper_study.truth import CLASSES, Row
+from benchmarks.tables import Table
+from flexviz.statistics import NORMAL_95
 
 COMPACT_HEAD = [
     "method",
@@ -63,7 +63,7 @@ def full(outcomes: Sequence[Outcome]) -> Table:
 def cell(row: Row) -> str:
     """ "999.98 ± 0.02", with its mark unless "yes"; no interval where the parameter is at a bound."""
     mark = "" if row.identifiable == "yes" else f" {row.identifiable}"
-    half = QUANTILE * row.std
+    half = NORMAL_95 * row.std
     if not half < 1e3 * max(abs(row.value), abs(row.truth)):
         return f"{row.value:.4g}{mark}"
     digits = max(0, min(7, 2 - _magnitude(half)))
@@ -111,22 +111,3 @@ def percent(share: float) -> str:
     """0.0123 → "1.23"; three digits at most."""
     value = 100 * share
     return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}" if value < 1 else f"{value:.3g}"
-
-
-def plain(table: Table, indent: str = "  ") -> str:
-    """Columns aligned, the first to the left."""
-    widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
-    lines = []
-    for row in table:
-        cells = [
-            c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append(indent + "  ".join(cells).rstrip())
-    return "\n".join(lines)
-
-
-def markdown(table: Table) -> str:
-    """The same as a Markdown table."""
-    head, *rows = table
-    rule = ["---", *("---:" for _ in head[1:])]
-    return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *rows))

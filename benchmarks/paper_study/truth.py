@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from flexviz.identification import Identification
 from flexviz.model import FlexibleModel
 from flexviz.simulation.sets import true_parameters
+from flexviz.statistics import NORMAL_95
 
 # class of parameter → names in the result
 CLASSES = {
@@ -23,7 +24,6 @@ LABELS = {
     "motor_viscous_friction": "f_m",
     "viscous_friction_sum": "f_l+f_m",
 }
-QUANTILE = 1.96  # of the standard normal distribution: 95 % lie within
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Row:
     @property
     def covered(self) -> bool:
         """Whether the 95 % interval holds the truth."""
-        return abs(self.score) <= QUANTILE
+        return abs(self.score) <= NORMAL_95
 
     def within(self, relative: float, absolute: float = 0.0) -> bool:
         """Whether the error is at most `relative` of the truth, or at most `absolute`."""

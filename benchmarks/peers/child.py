@@ -11,22 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.peers.problem import read
-
-
-def peak_megabytes() -> float:
-    """Largest memory of this process; unlike ru_maxrss without what the parent had when it forked."""
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        if line.startswith("VmHWM:"):
-            return int(line.split()[1]) / 1024
-    return float("nan")
+from benchmarks.running import peak_megabytes
 
 
 def main(method: str, problem: str, out: str) -> None:
     found: dict[str, Any]
     try:
-        module, given = importlib.import_module(f"benchmarks.peers.methods.{method}"), read(Path(problem))
+        own = method.startswith("flexviz")
+        place = "flexviz_answer" if own else f"methods.{method}"
+        module, given = importlib.import_module(f"benchmarks.peers.{place}"), read(Path(problem))
         began = time.process_time()
-        found = module.estimate(given)
+        found = getattr(module, method if own else "estimate")(given)
         found["computing"] = time.process_time() - began
     except ImportError as error:
         found = {"missing": error.name}

@@ -1,24 +1,25 @@
-"""docs/peers.md: the text around the tables."""
+"""benchmarks/results/peers.md: the text around the tables."""
 
 # ruff: noqa: E501
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from benchmarks.peers import claims, tables
 from benchmarks.peers.running import ROOT, THIS, versions
 from benchmarks.peers.sets import Case
 
-PAGE = ROOT / "docs" / "peers.md"
+PAGE = ROOT / "benchmarks" / "results" / "peers.md"
 Results = Sequence[tuple[Case, Sequence[tables.Row]]]
 
 HEAD = """\
-# Beside other methods
+# Other methods on the same sets: all tables
+
+[The page](../../docs/peers.md) says what they mean.
 
 `python -m benchmarks.peers --data DIR --figaroh PYTHON --mujoco PYTHON --write` makes this page. DIR holds the practice sets
 (`practice/`, truth beside them) and the recordings (`real/`); the paper's group B is simulated. Each method runs on each set
@@ -63,7 +64,7 @@ No method can be exact on the two planar practice sets: their recordings bias mo
 −9e-4 θ̈ on joint 1 and −5e-4 θ̈ on joint 2 at the exact truth; in 20 planar practice sets the motor inertia identified for
 joint 2 is too small by 4.6 to 5.4e-4 kg m², whatever its value, stiffness, friction and noise
 (`python -m benchmarks.motor_inertia PRACTICE`). A controller that
-interpolates its reference between the rows has this effect ([what to record](bring-your-own-robot.md#what-to-record),
+interpolates its reference between the rows has this effect ([what to record](../../docs/bring-your-own-robot.md#what-to-record),
 `tests/test_torque_sampling.py`); the sets do not state theirs. It is .05 to .08 % of B, 5 to 100 standard errors of
 `--refine`, which is therefore behind where another method's own error happens to compensate it.
 
@@ -84,7 +85,7 @@ TAIL = """\
 - M. Gautier, A. Jubien, A. Janot, New closed-loop output error method for robot joint stiffness identification with motor
   force/torque data, American Control Conference, 2013.
 - MuJoCo's system identification toolbox, `mujoco.sysid`; FIGAROH, github.com/thanhndv212/figaroh-plus.
-- The paper's simulation: [the paper's simulation, repeated](paper.md).
+- The paper's simulation: [the paper's simulation, repeated](../../docs/paper.md).
 """
 
 
@@ -99,11 +100,11 @@ def section(case: Case, rows: Sequence[tables.Row]) -> str:
     return joined.replace("\n\n- ", "\n- ").replace("|\n- ", "|\n\n- ")
 
 
-def environment(options: argparse.Namespace) -> str:
+def environment(pythons: Mapping[str, str]) -> str:
     """Machine and versions."""
     own = versions(THIS, ("flexviz", "pin", "numpy", "scipy"))
     parts = [f"Python {own.pop('Python')}", *(f"{name} {v}" for name, v in own.items() if v)]
-    for python, name in ((options.mujoco, "mujoco"), (options.figaroh, "figaroh")):
+    for name, python in pythons.items():
         version = versions(python, (name,))[name]
         parts.append(f"{name} {version}" if version else f"{name} not installed")
     return f"{_processor()}, {os.cpu_count()} cores, {platform.system()}; " + ", ".join(parts) + "."
@@ -116,13 +117,11 @@ def _processor() -> str:
     return platform.machine()
 
 
-def write(results: Results, options: argparse.Namespace) -> None:
+def write(results: Results, limit: float, pythons: Mapping[str, str]) -> None:
     """Renew the page."""
     found = claims.overall((case.name, claims.claims(case, rows)) for case, rows in results)
     overall = "\n".join(f"- {text}" for text in found)
-    head = HEAD.format(
-        limit=options.limit, environment=environment(options), overall=overall, none=tables.NONE
-    )
+    head = HEAD.format(limit=limit, environment=environment(pythons), overall=overall, none=tables.NONE)
     sections = [section(case, rows) for case, rows in results]
     if any(row.outcome.failure == "not run" for _, rows in results for row in rows):
         sections.append(

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
+from benchmarks.peers.problem import Problem
+from flexviz import diagnose, identify, read_set
 from flexviz.diagnosis import Diagnosis
 from flexviz.equation import OperatingPoint
 from flexviz.identification import Identification
@@ -57,3 +59,22 @@ def answered(result: Identification | Diagnosis, count: Count) -> dict[str, Any]
         "evaluations": count.value,
         "converged": result.converged if isinstance(result, Identification) else not result.stopped,
     }
+
+
+def flexviz_identify(problem: Problem, refine: bool = False) -> dict[str, Any]:
+    """The user's part is one line, or `flexviz identify SET --effect NAME`."""
+    with counted() as count:
+        result = identify(read_set(problem.folder), effects=problem.effects, refine=refine)
+    return answered(result, count)
+
+
+def flexviz_refine(problem: Problem) -> dict[str, Any]:
+    """The same with `--refine`."""
+    return flexviz_identify(problem, refine=True)
+
+
+def flexviz_diagnose(problem: Problem) -> dict[str, Any]:
+    """`flexviz diagnose SET --apply`, which is told of no friction but viscous."""
+    with counted() as count:
+        result = diagnose(read_set(problem.folder), apply=True)
+    return answered(result, count)

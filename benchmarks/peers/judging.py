@@ -14,6 +14,7 @@ from flexviz.estimation.base_inertials import base_parameters
 from flexviz.measurements import MeasurementSet
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import Robot
+from flexviz.statistics import NORMAL_95
 
 RIGID = 1e12  # [Nm/rad] stiffness of a rigid model, in the equation that judges it
 FLOOR = 0.1  # errors are relative to the truth, or to this share of the largest of its kind if that is more
@@ -24,7 +25,6 @@ SINGLE = (
     ("Coulomb friction", "f_c", f"{COULOMB}.coulomb"),
 )
 KINDS = (*(kind for kind, *_ in SINGLE), "link inertia")
-QUANTILE = 1.96  # of the standard normal distribution: 95 % lie within
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def errors(robot: Robot, truth: dict[str, Any], answer: dict[str, Any]) -> list[
         found = value(quantity, {**answer, "joints": robot.joints}, unseen)
         size = max(abs(right), FLOOR * largest)
         share = None if found is None else abs(found - right) / size
-        noise = QUANTILE * answer.get("std", {}).get(quantity.parameter, 0.0) / size
+        noise = NORMAL_95 * answer.get("std", {}).get(quantity.parameter, 0.0) / size
         doubted = quantity.parameter in answer.get("undetermined", ())
         rows.append(Judged(quantity, right, share, noise, doubted))
     return rows

@@ -13,6 +13,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.running import wait
+
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 NOTHING = ""  # in place of an interpreter: only what an earlier run has kept
@@ -25,7 +27,7 @@ class Method:
     """One way to identify.
 
     Attributes:
-        name: of its module in `methods`.
+        name: of its module in `methods`, or its function in `flexviz_answer`.
         label: in tables.
         files: what a user writes for it, beside reading the data; none: one command.
         package: what is missing where it cannot be imported.
@@ -88,22 +90,19 @@ def _run(method: Method, problem: Path, python: str, limit: float) -> Outcome:
     def limited() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (round(limit), round(limit) + 5))
 
-    began = time.perf_counter()
+    began = time.monotonic()
     with (problem / f"{method.name}.log").open("wb") as log:
         process = subprocess.Popen(
-            command, env=environment, stdout=log, stderr=log, cwd=problem, preexec_fn=limited
-        )
-        try:
-            status, used = _wait(process.pid, began + WALL * limit)
-        finally:
-            process.poll()
-    wall = time.perf_counter() - began
-    cpu = used.ru_utime + used.ru_stime
+            command, env=environment, stdout=log, stderr=log, cwd=problem, preexec_fn=limited,
+            start_new_session=True,
+        )  # fmt: skip
+        ended = wait(process, began, WALL * limit)
+    cpu, wall = ended.cpu, ended.wall
     if not out.exists():
-        why = f"the process ended with status {status}"
+        why = f"the process ended with status {ended.code}"
         if cpu >= 0.98 * limit:
             why = f"no result within {limit:.0f} s of CPU"
-        elif wall >= WALL * limit:
+        elif ended.code is None:
             why = f"no result within {WALL * limit:.0f} s"
         return Outcome(failure=why, cpu=cpu, wall=wall)
     answer = json.loads(out.read_text(encoding="utf-8"))
@@ -113,18 +112,6 @@ def _run(method: Method, problem: Path, python: str, limit: float) -> Outcome:
     if "error" in answer:
         return Outcome(failure=answer["error"][:LONGEST], cpu=cpu, wall=wall, megabytes=megabytes)
     return Outcome(answer, "", cpu, wall, megabytes)
-
-
-def _wait(pid: int, until: float) -> tuple[int, Any]:
-    while True:
-        done, status, used = os.wait4(pid, os.WNOHANG)
-        if done:
-            return status, used
-        if time.perf_counter() > until:
-            os.kill(pid, 9)
-            _, status, used = os.wait4(pid, 0)
-            return status, used
-        time.sleep(0.02)
 
 
 def lines(method: Method) -> int:

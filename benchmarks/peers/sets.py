@@ -69,22 +69,25 @@ def truth_of(case: Case, data: Path | None) -> dict[str, Any] | None:
     if case.place != "practice" or data is None:
         return None
     given = json.loads((data / "practice" / "truth" / f"{case.name}.json").read_text(encoding="utf-8"))
-    inertial = None
-    if "inertial_2r" in given:
-        arm = given["inertial_2r"]  # about joint axes along −y; what the plane does not show is zero
-        inertial = np.zeros((2, 10))
-        for j in (0, 1):
-            inertial[j, [1, 3, 6]] = [arm[f"{name}{j + 1}"] for name in ("mx", "my", "Izz")]
-        inertial[1, 0] = arm["m2"]
+    inertial = planar_inertial(given["inertial_2r"]).tolist() if "inertial_2r" in given else None
     return {
         "joints": given["joints"],
         "stiffness": given["stiffness"],
         "motor_inertia": given["motor_inertia"],
         "link_viscous_friction": given["viscous_link"],
         "motor_viscous_friction": given["viscous_motor"],
-        "inertial": None if inertial is None else inertial.tolist(),
+        "inertial": inertial,
         "effects": given["effects"],
     }
+
+
+def planar_inertial(arm: dict[str, float]) -> np.ndarray:
+    """(2, 10) of a planar arm about joint axes along −y; what the plane does not show is zero."""
+    links = np.zeros((2, 10))  # mass, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz
+    links[1, 0] = arm["m2"]
+    for k in (1, 2):
+        links[k - 1, [1, 3, 6]] = arm[f"mx{k}"], arm[f"my{k}"], arm[f"Izz{k}"]
+    return links
 
 
 def _from_model(model: FlexibleModel) -> dict[str, Any]:

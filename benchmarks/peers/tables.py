@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.peers.judging import KINDS, Judged
 from benchmarks.peers.running import Method, Outcome, lines
+from benchmarks.tables import markdown
 
 NONE = "—"
 MARK = " \\*"  # behind a value that its own program calls undetermined
@@ -54,7 +55,7 @@ def summary(rows: Sequence[Row]) -> str:
     kinds = [k for k in KINDS if any(j.quantity.kind == k for row in rows for j in row.judged)]
     heads = ["method", *(f"{k} [%]" for k in kinds), "held out [%]"]
     heads += ["CPU [s]", "computing [s]", "wall [s]", "evaluations", "MB", "lines"]
-    out = [line(heads), line(["---", *["---:"] * (len(heads) - 1)])]
+    out = [heads]
     for row in rows:
         done = row.outcome
         cells = [row.method.label]
@@ -66,8 +67,8 @@ def summary(rows: Sequence[Row]) -> str:
             cells = [row.method.label + ended, *(percent(row.worst(k)) for k in kinds), percent(row.held_out)]
             cells += [number(done.cpu, 1), number(done.answer["computing"], 1), number(done.wall, 1)]
             cells += [str(done.answer["evaluations"]), number(done.megabytes), str(lines(row.method))]
-        out.append(line(cells))
-    return "\n".join(out)
+        out.append(cells)
+    return markdown(out)
 
 
 def details(rows: Sequence[Row]) -> str:
@@ -76,14 +77,9 @@ def details(rows: Sequence[Row]) -> str:
     if not answered:
         return ""
     heads = ["", "truth", *(row.method.label for row in answered)]
-    out = [line(heads), line(["---", *["---:"] * (len(heads) - 1)])]
+    out = [heads]
     for k, one in enumerate(answered[0].judged):
         judged = [row.judged[k] for row in answered]
         errors = [percent(j.error) + MARK * j.undetermined for j in judged]
-        out.append(line([one.quantity.name, f"{one.truth:.4g}", *errors]))
-    return "\n".join(out)
-
-
-def line(cells: Sequence[str]) -> str:
-    """A row of a Markdown table."""
-    return "| " + " | ".join(cells) + " |"
+        out.append([one.quantity.name, f"{one.truth:.4g}", *errors])
+    return markdown(out)

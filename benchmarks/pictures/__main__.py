@@ -7,29 +7,27 @@ Writes app.png, app-compare.png, report.png and the animation app.webp.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
+from typing import Annotated
 
+from benchmarks.command import command
 from benchmarks.pictures.walk import pictures
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images"
 
 
-def parser() -> argparse.ArgumentParser:
-    commands = argparse.ArgumentParser(prog="python -m benchmarks.pictures", description=__doc__)
-    commands.add_argument("--out", type=Path, default=FOLDER, help="the folder to write to [docs/images]")
-    commands.add_argument("--no-animation", action="store_true", help="only the pictures that stand still")
-    return commands
-
-
-def main(words: list[str] | None = None) -> int:
-    chosen = parser().parse_args(words)
-    chosen.out.mkdir(parents=True, exist_ok=True)
-    for name, content in pictures(animated=not chosen.no_animation):
-        (chosen.out / name).write_bytes(content)
+@command
+def main(
+    *,
+    out: Annotated[Path | None, "the folder to write to, docs/images by default"] = None,
+    no_animation: Annotated[bool, "only the pictures that stand still"] = False,
+) -> None:
+    folder = out or FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in pictures(animated=not no_animation):
+        (folder / name).write_bytes(content)
         print(f"{name:16s} {len(content) / 1e3:7.0f} kB", flush=True)
-    return 0
 
 
 if __name__ == "__main__":

@@ -10,100 +10,65 @@ Each can be interrupted and goes on where it was.
 
 from __future__ import annotations
 
-import argparse
-import os
 import shlex
 import sys
 from pathlib import Path
+from typing import Annotated, Literal
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
-
-from benchmarks.kept_results import say
-from benchmarks.robotlike_study.cases import DURATION, SHARES, cases, parse_shares
+from benchmarks.command import command
+from benchmarks.diagnosis_study.judging import judge
+from benchmarks.diagnosis_study.making import make_all
+from benchmarks.diagnosis_study.report import report, text
+from benchmarks.robotlike_study.cases import DURATION, cases, parse_shares
 from benchmarks.robotlike_study.effects import DRAWS
-from benchmarks.robotlike_study.oracle import compare_all
-from benchmarks.robotlike_study.report import report as text
-from benchmarks.robotlike_study.report import scored_cases
-from benchmarks.robotlike_study.running import COMMAND, LONGEST, DiagnosisRunner, made_cases, make_all
+from benchmarks.robotlike_study.making import make
+from benchmarks.robotlike_study.oracle import compared
+from benchmarks.running import (
+    COMMAND,
+    LONGEST,
+    DiagnoseCommand,
+    case_folder,
+    diagnose_all,
+    made_cases,
+    read,
+    result_file,
+    truth_file,
+)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    options = parser().parse_args(arguments)
-    try:
-        return options.act(options)
-    except KeyboardInterrupt:
-        say("interrupted; what is done is kept")
-        return 130
-
-
-def make(options: argparse.Namespace) -> int:
-    """Simulate what is not there yet."""
-    chosen = cases(options.seed, options.count, options.shares, options.duration, tuple(options.also))
-    return make_all(options.work, [c for c in chosen if options.only in c.name], options.jobs)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Diagnose what has no result."""
-    command = tuple(shlex.split(options.command)) if options.command else COMMAND
-    runner = DiagnosisRunner(options.work, options.label, options.timeout, command)
-    runner.run(made_cases(options.work, options.only), options.jobs, options.retry)
+@command
+def main(
+    what: Literal["make", "run", "report", "oracle"],
+    *,
+    work: Annotated[Path, "folder of the sets, truths and results"],
+    only: Annotated[str, "cases with this text in their names"] = "",
+    seed: int = 1,
+    count: int = 60,
+    shares: Annotated[str, "parts of 2r, ur5, panda"] = "2:1:1",
+    duration: Annotated[float, "of each group [s]"] = DURATION,
+    also: Annotated[list[str], "hide this effect, too, on one joint of each robot", DRAWS] = [],  # noqa: B006
+    jobs: int = 2,
+    timeout: Annotated[float, "for one set [s]"] = LONGEST,
+    retry: Annotated[bool, "also those that gave no answer"] = False,
+    command: Annotated[str, "the command flexviz; by default that of this Python"] = "",
+    label: Annotated[str, "folder in DIR for the results of this version"] = "results",
+) -> int:
+    made = {name: case_folder(work, name) for name in made_cases(work, only)}
+    if what == "make":
+        planned = cases(seed, count, parse_shares(shares), duration, tuple(also))
+        return make_all(work, [c for c in planned if only in c.name], make, jobs)
+    if what == "run":
+        words = tuple(shlex.split(command)) or COMMAND
+        diagnose_all(made, {work / label: DiagnoseCommand(words, timeout)}, jobs, retry)
+    elif what == "oracle":
+        for line in compared(work, only):
+            print(line, flush=True)
+    else:
+        files = {name: result_file(work / label, name) for name in made}
+        found = {n: judge(read(truth_file(work, n)), read(f), True) for n, f in files.items() if f.is_file()}
+        print(text(report({label: found}, {name: name.split("-")[1] for name in made})))
+        return int(len(found) < len(made) or any(one.error is not None for one in found.values()))
     return 0
-
-
-def report(options: argparse.Namespace) -> int:
-    """Print the report; 1 if a case has no answer."""
-    planned = made_cases(options.work, options.only)
-    found = scored_cases(options.work, options.label, options.only)
-    print(text(found, len(planned)))
-    return int(len(found) < len(planned) or any(case.error is not None for case in found))
-
-
-def oracle(options: argparse.Namespace) -> int:
-    """Print each set's held-out error, and that of a fit that is given the hidden effects."""
-    for compared in compare_all(options.work, options.only):
-        print(compared.text(), flush=True)
-    return 0
-
-
-def parser() -> argparse.ArgumentParser:
-    """The command line."""
-    out = argparse.ArgumentParser(
-        prog="python -m benchmarks.robotlike_study",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    commands = out.add_subparsers(required=True)
-    made = commands.add_parser("make", help="simulate the sets")
-    made.set_defaults(act=make)
-    made.add_argument("--seed", type=int, default=1)
-    made.add_argument("--count", type=int, default=60)
-    names = ", ".join(SHARES)
-    made.add_argument("--shares", type=parse_shares, default=dict(SHARES), metavar="A:B:C",
-                      help=f"parts of {names}; 2:1:1 by default")  # fmt: skip
-    made.add_argument("--duration", type=float, default=DURATION, help="of each group [s]")
-    made.add_argument("--also", action="append", default=[], choices=DRAWS, metavar="EFFECT",
-                      help="hide this effect, too, on one joint of each robot")  # fmt: skip
-    ran = commands.add_parser("run", help="diagnose the sets")
-    ran.set_defaults(act=run)
-    ran.add_argument("--timeout", type=float, default=LONGEST, metavar="S", help="for one set [s]")
-    ran.add_argument("--retry", action="store_true", help="also those that gave no answer")
-    ran.add_argument("--command", default="", help="the command flexviz; by default that of this Python")
-    told = commands.add_parser("report", help="print what was found")
-    told.set_defaults(act=report)
-    known = commands.add_parser("oracle", help="compare with fits that are given the hidden effects")
-    known.set_defaults(act=oracle)
-    for command in (made, ran, told, known):
-        command.add_argument(
-            "--work", type=Path, required=True, help="folder of the sets, truths and results"
-        )
-        command.add_argument("--only", default="", metavar="TEXT", help="cases with TEXT in their names")
-    for command in (made, ran):
-        command.add_argument("--jobs", type=int, default=2)
-    for command in (ran, told):
-        command.add_argument(
-            "--label", default="results", help="folder in DIR for the results of this version"
-        )
-    return out
 
 
 if __name__ == "__main__":

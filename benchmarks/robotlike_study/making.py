@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from benchmarks.diagnosis_study.making import UNSCORED, case_folder, truth_file
-from benchmarks.kept_results import write
+from benchmarks.diagnosis_study.making import UNSCORED, base_truth, write_runs
+from benchmarks.diagnosis_study.motions import workload
+from benchmarks.diagnosis_study.robots import stiff_plan
 from benchmarks.robotlike_study.cases import RobotCase
-from benchmarks.robotlike_study.effects import draw_also, draw_effects
-from benchmarks.robotlike_study.laws import draw_laws
-from benchmarks.robotlike_study.motions import workload
-from benchmarks.robotlike_study.robots import random_plan
+from benchmarks.robotlike_study.effects import draw_also, draw_effects, draw_laws
 from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
-from flexviz.measurements import GroupTable, write_set
+from benchmarks.running import Json, case_folder, truth_file, write
 from flexviz.simulation import Plan, Run, fastest, make_plant, move, record
 
 Logging = Callable[[Run], Run]
@@ -26,15 +23,9 @@ LARGEST_PHASE = 0.9  # [rad] of the fastest vibration per integration step; a th
 LARGEST_DECAY = 1.6  # [-] integration step times the fastest decay rate
 
 
-def is_made(work: Path, case: RobotCase) -> bool:
-    """Whether the set and its truth are there; the truth is written last."""
-    return truth_file(work, case.name).is_file() and case_folder(work, case.name).is_dir()
-
-
 def make(work: Path, case: RobotCase) -> None:
     """Simulate a case and write it."""
-    plan, kinds = plan_of(case)
-    write_case(work, case, plan, kinds)
+    write_case(work, case, *plan_of(case))
 
 
 def write_case(
@@ -46,36 +37,20 @@ def write_case(
         work: folder of the study.
         case: gives the name and the noise.
         plan: with everything hidden in it.
-        kinds: of its laws that no library has.
+        kinds: of its laws that the library does not have.
         logged: what becomes of the sensors' signals before they are written; nothing by default.
     """
     seed = int(case.rng("noise").integers(2**31))
     moved = move(plan, seed)
     recorded = record(plan, moved, seed)
     written = {name: logged(run) for name, run in recorded.items()} if logged else recorded
-    tables = [
-        GroupTable(g.name, g.trajectory, g.payload, written[g.name].time, written[g.name].theta,
-                   written[g.name].tau, validation=g.validation)
-        for g in plan.groups
-    ]  # fmt: skip
-    write_set(
-        case_folder(work, case.name),
-        robot=plan.source,
-        joints=plan.robot.joints,
-        groups=tables,
-        payloads=plan.payloads,
-        torque_hold=recorded[plan.groups[0].name].torque_hold,
-        initial_stiffness=plan.initial_stiffness,
-        initial_motor_inertia=plan.initial_motor_inertia,
-        files=plan.files,
-        overwrite=True,
-    )
+    write_runs(case_folder(work, case.name), plan, written)
     write(truth_file(work, case.name), truth(case, plan, kinds, moved, recorded))
 
 
 def plan_of(case: RobotCase) -> tuple[Plan, tuple[str, ...]]:
-    """The plan with everything hidden in it, and the kinds of its laws that no library has."""
-    plan = random_plan(case, case.rng("robot"))
+    """The plan with everything hidden in it, and the kinds of its laws that the library does not have."""
+    plan = stiff_plan(case.robot, case.duration, case.rng("robot"))
     work = workload(plan)
     hidden = draw_effects(case.robot, plan, work, case.rng("effects"))
     hidden += draw_also(case.also, hidden, plan, work, case.rng("also"))
@@ -103,47 +78,24 @@ def integration_step(plan: Plan) -> float:
 
 def truth(
     case: RobotCase, plan: Plan, kinds: tuple[str, ...], moved: dict[str, Run], recorded: dict[str, Run]
-) -> dict[str, Any]:
+) -> Json:
     """What is hidden in a case, the largest share first, and how it was recorded."""
-    model, held_out = plan.model, next(g for g in plan.groups if g.validation)
-    run, joints = moved[held_out.name], list(plan.robot.joints)
-    spread = recorded[held_out.name].tau.std(axis=0)
-    hidden: list[dict[str, Any]] = []
-    for effect in model.effects:
+    held_out = next(g for g in plan.groups if g.validation)
+    run, sensors = moved[held_out.name], plan.sensors
+    spread = dict(zip(plan.robot.joints, recorded[held_out.name].tau.std(axis=0), strict=True))
+    hidden: list[Json] = []
+    for effect in plan.model.effects:
         assert effect.joint is not None
-        rms, part = share(effect_torque(plan, held_out, run, effect), spread[joints.index(effect.joint)])
+        torque = effect_torque(plan, held_out, run, effect)
         scored = {k: v for k, v in effect.parameters.items() if k not in UNSCORED}
-        hidden.append(
-            {
-                "effect": effect.effect,
-                "joint": effect.joint,
-                "parameters": scored,
-                "torque_rms": rms,
-                "share": part,
-            }
-            | {"all_parameters": dict(effect.parameters)}
-        )
+        entry = {"effect": effect.effect, "joint": effect.joint, "parameters": scored}
+        hidden.append(entry | share(torque, spread[effect.joint]) | {"all_parameters": effect.parameters})
     for kind, (joint, law) in zip(kinds, plan.laws, strict=True):
-        rms, part = share(law_torque(plan, run, joint, law), spread[joints.index(joint)])
-        values = asdict(law)  # type: ignore[call-overload]
-        hidden.append(
-            {"effect": "unknown", "joint": joint, "parameters": values, "torque_rms": rms, "share": part}
-            | {"kind": kind}
-        )
-    sensors = plan.sensors
+        entry = {"effect": "unknown", "joint": joint, "parameters": asdict(law), "kind": kind}  # type: ignore[call-overload]
+        hidden.append(entry | share(law_torque(plan, run, joint, law), spread[joint]))
     if sensors.torque_filter:
         hidden.append(filter_delay(run, sensors.torque_filter))
-    return {
-        "case": case.name,
-        "robot": case.robot,
-        "joints": joints,
-        "seed": case.seed,
-        "effects": sorted(hidden, key=lambda e: -e["share"]),
-        "stiffness": model.stiffness.tolist(),
-        "motor_inertia": model.motor_inertia.tolist(),
-        "viscous_link": model.link_viscous_friction.tolist(),
-        "viscous_motor": model.motor_viscous_friction.tolist(),
-        "inertial": model.inertial.tolist(),
+    return base_truth(case, plan, sorted(hidden, key=lambda e: -e["share"])) | {
         "cycle": plan.controller.cycle,
         "encoder_step": np.asarray(sensors.resolution).tolist(),
         "theta_noise": np.asarray(sensors.theta_noise).tolist(),
@@ -152,7 +104,7 @@ def truth(
     }
 
 
-def filter_delay(run: Run, bandwidth: float) -> dict[str, Any]:
+def filter_delay(run: Run, bandwidth: float) -> Json:
     """What a first-order filter in the torque's record is in the library: a torque applied before it is seen.
 
     Its share is that of the joint on which it matters most.
@@ -160,12 +112,5 @@ def filter_delay(run: Run, bandwidth: float) -> dict[str, Any]:
     delay = -1.0 / bandwidth  # [s]
     change = np.abs(delay) * np.gradient(run.tau, run.time, axis=0)
     found = [share(change[:, i], float(run.tau[:, i].std())) for i in range(run.tau.shape[1])]
-    rms, part = max(found, key=lambda pair: pair[1])
-    return {
-        "effect": "torque_delay",
-        "joint": None,
-        "parameters": {"delay": delay},
-        "torque_rms": rms,
-        "share": part,
-        "all_parameters": {"delay": delay},
-    }
+    values = {"parameters": {"delay": delay}, "all_parameters": {"delay": delay}}
+    return {"effect": "torque_delay", "joint": None} | values | max(found, key=lambda one: one["share"])

@@ -60,10 +60,10 @@ def law_torque(plan: Plan, run: Run, joint: str, law: ExtraLaw) -> Array:
     return np.array(out)
 
 
-def share(torque: Array, spread: float) -> tuple[float, float]:
+def share(torque: Array, spread: float) -> dict[str, float]:
     """Rms of a torque (N,) [Nm], and that over the spread [Nm] of its joint's torque."""
     rms = float(np.sqrt(np.mean(torque**2)))
-    return rms, rms / spread
+    return {"torque_rms": rms, "share": rms / float(spread)}
 
 
 def _dahl(theta: Array, p: dict[str, float]) -> Array:

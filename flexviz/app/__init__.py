@@ -8,8 +8,11 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from flexviz.errors import require_extra
 
 if TYPE_CHECKING:
     from flexviz.app.state import Opened
@@ -21,13 +24,27 @@ DEMO = "planar-2r-demo"
 
 
 def serve(
-    path: Path | None = None, *, host: str = "127.0.0.1", port: int | None = None, open_browser: bool = True
+    path: Path | None = None,
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    open_browser: bool = True,
+    public_host: Sequence[str] = (),
+    since: float | None = None,
 ) -> None:
     """Serve a measurement set until interrupted; when None, the bundled demonstration with its model fitted.
 
     Of the results of a batch, the first set that can be opened is shown, and all are listed.
-    Without `port` it listens on 8080 or the next free one.
+    Without `port` it listens on 8080 or the next free one. A proxy before it passes requests on for the names
+    in `public_host`; browsers must then show the token. It says how long it took `since` (time.monotonic()),
+    by default since this call.
+
+    Raises:
+        InputError: for a source that cannot be opened, a host or port on which nothing can listen, a name
+            that is none.
+        MissingPackage: the extra `app` is not installed.
     """
+    require_extra("viser", "the app")
     from flexviz.app.access import TOKEN, is_loopback
     from flexviz.app.application import Application
     from flexviz.app.server import start_server
@@ -36,14 +53,14 @@ def serve(
     from flexviz.batch import is_batch, read_batch
     from flexviz.resources import sessions_dir
 
-    begin = time.monotonic()
+    begin = time.monotonic() if since is None else since
     fleet = read_batch(path) if path is not None and is_batch(path) else []
     if path is None:
         opened = open_fitted(sessions_dir() / DEMO)
     else:
         opened = open_first(fleet) if fleet else open_set(path)
-    token = "" if is_loopback(host) else secrets.token_urlsafe(24)
-    server = start_server(host, port, token)
+    token = "" if is_loopback(host) and not public_host else secrets.token_urlsafe(24)
+    server = start_server(host, port, token, public_host)
     application = Application(server, opened, fleet)
     shown = f"[{host}]" if ":" in host else host
     url = f"http://{'localhost' if host in ('0.0.0.0', '::') else shown}:{server.get_port()}"
@@ -51,9 +68,9 @@ def serve(
     print(f"flexviz shows {opened.measurements.name} at {url} (Ctrl+C ends it)", flush=True)
     print(f"ready after {time.monotonic() - begin:.1f} s", file=sys.stderr, flush=True)
     if token:
-        names = f"{socket.gethostname()} or this machine's address in place of localhost"
-        note = f"other machines reach this page with {names}; whoever has the whole address can use it"
-        print(note, file=sys.stderr, flush=True)
+        names = " or ".join(public_host) or f"{socket.gethostname()} or this machine's address"
+        note = f"other machines reach this page with {names} in place of localhost"
+        print(f"{note}; whoever has the whole address can use it", file=sys.stderr, flush=True)
     if open_browser:
         import webbrowser
 

@@ -1,31 +1,31 @@
 """Who may reach the server: Host, Origin and token of every request, and the headers of every answer.
 
-viser checks none of these. They are added around `serve` of the websocket library, which viser looks up when
-it starts.
+viser checks none of these.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hmac
 import http
 import ipaddress
 import logging
+import re
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import lru_cache
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-import websockets.asyncio.server as websocket_server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from flexviz.app.frames import Handler, only_messages
-from flexviz.errors import one_line
+from flexviz.app.viser_private import Handler, only_messages, served_by
+from flexviz.errors import InputError, one_line
+from flexviz.schemas import shown
 
 log = logging.getLogger("flexviz.app")
 TOKEN = "token"  # in the query of the address that is printed
@@ -54,16 +54,24 @@ def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
         return None
 
 
-def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
+def host_name(name: str) -> str:
+    """A name that a proxy may ask for, in small letters; InputError if it is none."""
+    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?", name):
+        raise InputError(f"{shown(name)} is no name of a host, expected one such as robots.example.org")
+    return name.lower()
+
+
+def admitted(bound_to: str, host: str | None, origin: str | None, names: Collection[str] = ()) -> bool:
     """Whether a request with these Host and Origin headers may reach a server bound to `bound_to`.
 
     Pages of other sites must not reach this server: Host must be a name or an address of this machine (no DNS
-    rebinding), of loopback if the server listens on that, and an Origin must equal the Host.
+    rebinding), of loopback if the server listens on that, or one of a proxy's `names`, and an Origin must
+    equal the Host.
     """
     try:
         parts = urlsplit(f"//{host or ''}")
         name, _ = parts.hostname or "", parts.port  # ValueError where there is no such port
-        own = is_loopback(name) or (not is_loopback(bound_to) and is_own(name, bound_to))
+        own = name in names or is_loopback(name) or (not is_loopback(bound_to) and is_own(name, bound_to))
         return own and (origin is None or urlsplit(origin).netloc.lower() == str(host).lower())
     except ValueError:  # no host: "[", a port of letters
         return False
@@ -86,17 +94,24 @@ def _full_name(machine: str) -> str:
 
 @dataclass(frozen=True)
 class Access:
-    """The rule of one server: what it is bound to, and the token that browsers must show ("": none)."""
+    """The rule of one server.
+
+    Attributes:
+        bound_to: the address that it is bound to.
+        token: what browsers must show ("": nothing).
+        names: by which a proxy before it is asked.
+    """
 
     bound_to: str
     token: str = ""
+    names: tuple[str, ...] = ()
 
     def check(self, request: Request) -> Response | None:
         """The answer to a request that is not let through, or None."""
         headers = request.headers
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
         once = len(hosts) == 1 and len(origins) <= 1
-        if not once or not admitted(self.bound_to, hosts[0], origins[0] if origins else None):
+        if not once or not admitted(self.bound_to, hosts[0], origins[0] if origins else None, self.names):
             log.warning("refused a request for Host %r from Origin %r", hosts, origins)
             return _answer(http.HTTPStatus.FORBIDDEN, b"this address is not served\n")
         if not self.token:
@@ -128,14 +143,15 @@ def _answer(status: http.HTTPStatus, body: bytes, headers: dict[str, str] | None
     return Response(status.value, status.phrase, Headers(sent | PAGE_HEADERS | (headers or {})), body)
 
 
-@contextlib.contextmanager
-def guarded_serve(access: Access) -> Iterator[None]:
+def guarded_serve(access: Access) -> AbstractContextManager[None]:
     """Add the checks of requests and frames, and the headers, to a ViserServer started in this context."""
-    module: Any = websocket_server
-    original = module.serve
 
     def serve(
-        handler: Handler, *args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any
+        original: Callable[..., Any],
+        handler: Handler,
+        *args: Any,
+        process_request: Callable[..., Any] | None = None,
+        **kwargs: Any,
     ) -> Any:
         def check_first(connection: Any, request: Request) -> Response | None:
             refusal = access.check(request)
@@ -148,11 +164,7 @@ def guarded_serve(access: Access) -> Iterator[None]:
 
         return original(only_messages(handler), *args, process_request=check_first, **kwargs)
 
-    module.serve = serve
-    try:
-        yield
-    finally:
-        module.serve = original
+    return served_by(serve)
 
 
 class RateLimit(logging.Filter):

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import viser
+from threadpoolctl import threadpool_limits
 
 from flexviz.app.display import Display
 from flexviz.app.dock import Dock
@@ -40,6 +41,8 @@ class Application:
 
     def __init__(self, server: viser.ViserServer, opened: Opened, fleet: Sequence[FleetRow] = ()) -> None:
         """`fleet` are the sets of a batch, to choose from."""
+        # small matrices: more threads would only wait, for each other and for the browser
+        threadpool_limits(1, "blas")
         self.queue = EventQueue()  # of browsers and the worker
         self.page = Page(server, self.queue)
         self.tasks = TaskRunner(self.queue, lambda reason: self.store.fail(reason))
@@ -86,9 +89,10 @@ class Application:
         self.tasks.close()
 
     def _act(self, action: Callable[..., None], *arguments: Any) -> None:
-        """Call `action`; a failure is shown and does not end the loop."""
+        """Call `action`, whose changes reach the page at once; a failure is shown and ends no loop."""
         try:
-            action(*arguments)
+            with self.page.server.atomic():  # one wake-up of the thread that sends, not one for every value
+                action(*arguments)
         except FlexvizError as error:
             self.store.fail(str(error))
         except Exception as error:

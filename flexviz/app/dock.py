@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import CTRL, SHIFT, Page, off
 from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import next_button, next_option, no_label, pressed, style
+from flexviz.app.viser_private import id_of
 from flexviz.session import standing
 from flexviz.view import next_step, stated_error, status_html, step_line_html, steps_done
 
@@ -27,7 +29,8 @@ class Dock:
         gui.main_panel.set_width(LEFT_WIDTH)
         self._style = gui.add_html("")
         self._line = gui.add_html("")
-        self._status = gui.add_html("")
+        self._status = ExplainedHtml(gui)
+        self._next = gui.add_html("")
         self._buttons = page.choose(gui.add_button_group("", self._titles), store.go)
         self._undo = page.button("Undo", store.undo, disabled=True)
         self._redo = page.button("Redo", store.redo, disabled=True)
@@ -94,15 +97,16 @@ class Dock:
 
     def _draw_line(self) -> None:
         """Draw the step line with the recommended next action, and the style sheet."""
-        store, uuid, titles = self._store, self._buttons._impl.uuid, self._titles
+        store, uuid, titles = self._store, id_of(self._buttons), self._titles
         rules = [*self._page.rules, pressed(uuid, titles.index(store.step))]
         following = next_step(store.analysis, store.step, store.running)
         buttons = {name: handle for step in self.steps for name, handle in step.next_buttons.items()}
         if following.step in titles and following.step != store.step:
             rules.append(next_option(uuid, titles.index(following.step)))
         elif following.button in buttons:
-            rules.append(next_button(buttons[following.button]._impl.uuid))
-        self._line.content = step_line_html(titles, store.step, steps_done(store.analysis), following.text)
+            rules.append(next_button(id_of(buttons[following.button])))
+        self._line.content = step_line_html(titles, store.step, steps_done(store.analysis))
+        self._next.content = f'<div class="fv fv-next">{following.text}</div>' if following.text else ""
         self._style.content = style(*rules, *self._page.tooltips.rules())
 
     def _next_joint(self) -> None:

@@ -5,13 +5,14 @@ if (!window.flexvizFall) {
   const HOLD = 0.25;  // of the time in which the model before is still shown: the tab may turn meanwhile
   const LONGEST = 100;  // [ms] between two pictures that count: a slow page falls later instead of at one blow
   const WATCH = 100;  // [ms]
+  const viser = window.flexvizViser;
   const state = window.flexvizFall = { count: null, clock: 0, last: null, running: false };
   const before = new Map();  // what the page showed: numbers and colours, by their names
   const all = mark => [...document.querySelectorAll(`[${mark}]`)];
   const length = () => 1000 * parseFloat(getComputedStyle(document.documentElement).getPropertyValue('--fv-fall')) || 0;
 
   const links = () => {  // materials of the links by their name
-    const nodes = (window.__viserMutable || {}).nodeRefFromName || {};
+    const nodes = viser.nodes();
     return Object.keys(nodes).filter(name => nodes[name] && /^\/(measured|identified)\/[^/]+$/.test(name))
       .map(name => [name, nodes[name].children.find(one => one.isMesh && one.material.color)])
       .filter(([, mesh]) => mesh).map(([name, mesh]) => [name, mesh.material]);
@@ -32,7 +33,7 @@ if (!window.flexvizFall) {
     return data.map((column, k) => (k === to ? column.map((y, i) => data[from][i] + share * (y - data[from][i])) : column));
   };
   const residuals = share => {
-    for (const { chart } of Object.values((window.__viserTestpoints || {}).uplots || {})) {
+    for (const chart of viser.charts()) {
       if (mixed.has(chart) || !chart.series.some(one => one.label === 'BEFORE')) continue;
       const known = { data: chart.data, set: chart.setData };
       chart.setData = (data, ...more) => {  // the playhead moves on
@@ -66,7 +67,7 @@ if (!window.flexvizFall) {
       if (from) color.lerpColors(from, material.fvColour, share);
       material.fvMixed = color.clone();
     });
-    if (window.__viserMutable) window.__viserMutable.requestRender();
+    if (viser.scene().requestRender) viser.scene().requestRender();
   };
   const bars = share => {
     const rows = [...document.querySelectorAll('.fv-stair')], row = rows.at(-1), from = rows.at(-2);

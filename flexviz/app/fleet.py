@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, dim
 from flexviz.app.page_script import NUMBER_LABEL, OPEN_LABEL
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
+from flexviz.app.viser_private import TAB
 from flexviz.batch import (
     FleetRow,
     about_html,
@@ -24,7 +26,7 @@ from flexviz.errors import InputError
 from flexviz.measurements import FILE_NAME
 from flexviz.wording import escape
 
-NARROW_TABS = "[data-dock-tab] { padding-inline: 7px !important; }"  # one more fits into the row
+NARROW_TABS = f"{TAB} {{ padding-inline: 7px !important; }}"  # one more fits into the row
 
 
 class FleetTab:
@@ -44,7 +46,7 @@ class FleetTab:
             number = gui.add_number(NUMBER_LABEL, drifting + 1, min=1, max=len(rows), step=1)
             self._number = page.watch(number, lambda _: self._chosen())
             page.button(OPEN_LABEL, self._open, hint="opens the set with this number")
-            self._about = gui.add_html("")
+            self._about = ExplainedHtml(gui)
             self._parameter = page.dropdown("Parameter", ("–",), lambda _: self._draw())
             self._drift = gui.add_html("")
         self._charts = ChartColumn(page.server, tab)

@@ -10,9 +10,9 @@ from typing import Any
 from flexviz.app.state import Changed, Derived, Turn
 from flexviz.app.store import Store
 from flexviz.app.tasks import DrawLaws, IdleTask, JudgeErrors, MapResiduals, Replay
-from flexviz.diagnosis import ResidualMap
 from flexviz.jobs import Result
 from flexviz.laws import LawThroughData
+from flexviz.records import ResidualMap
 from flexviz.session import runs
 
 
@@ -28,7 +28,7 @@ class IdleWork:
 
     def _fill(self) -> None:
         store, derived, analysis = self._store, self._store.derived, self._store.analysis
-        result, group, fitted = derived.result, store.group.name, analysis.fitted_settings
+        result, group, fitted = derived.result, store.group.name, analysis.fitted
         if result is None or store.running:
             return
 
@@ -44,8 +44,8 @@ class IdleWork:
                 self._start(task, of, "errors", of.judge)
                 break
         if derived.laws is None and "laws" not in derived.failed and fitted is not None:
-            settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
-            self._start(DrawLaws(settings, result.model, result.covariance), derived, "laws", drawn)
+            settings = replace(analysis.without_result().with_fit(effects=fitted.effects), roles=fitted.roles)
+            self._start(DrawLaws(settings, result.model, result.chance_covariance), derived, "laws", drawn)
         beside = (store.beside[1],) if store.beside else ()
         for one in (derived, *beside):
             if one.result is not None and group not in one.replays and group not in one.failed:
@@ -53,7 +53,7 @@ class IdleWork:
                 self._start(Replay(analysis.path, one.result.model, group), one, group, keep)
                 break
         if not store.maps and "maps" not in derived.failed and fitted is not None:
-            settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
+            settings = replace(analysis.without_result().with_fit(effects=fitted.effects), roles=fitted.roles)
             self._start(MapResiduals(settings, result.model), derived, "maps", mapped)
 
     def _start(

@@ -2,7 +2,7 @@
 // playback, columns as tabs, the tab that follows the task, and reports of the canvas for the camera.
 if (window.flexvizPage && !window.flexvizPage.layout) {
   window.flexvizPage.layout = true;
-  const tell = window.flexvizPage.tell, root = document.documentElement;
+  const viser = window.flexvizViser, tell = window.flexvizPage.tell, root = document.documentElement;
   const WATCH = 200, BEAT = 2000, SETTLED = 2;  // [ms], [ms], looks at the page that must agree
   const MOVE = 4;  // [px] a press may move; more turns the camera
   const make = (tag, text = '', attributes = {}) => {
@@ -16,8 +16,7 @@ if (window.flexvizPage && !window.flexvizPage.layout) {
   const BACK = draw('M10.5 0.5L3.5 6L10.5 11.5zM1.5 1h1.6v10h-1.6z');
   const ON = draw('M1.5 0.5L8.5 6L1.5 11.5zM8.9 1h1.6v10h-1.6z');
   const PIN = draw('M3.5 0.5h5v1.2l-0.9 0.6v3l1.9 1.5v1.1H6.6v3.6L6 12.2L5.4 11.5V7.9H2.5V6.8l1.9-1.5v-3L3.5 1.7z');
-  const dock = () => document.querySelector('[data-dock-root]');
-  const stage = () => dock() && dock().firstElementChild;  // holds the canvas
+  const stage = () => viser.dock() && viser.dock().firstElementChild;  // holds the canvas
   const named = (tag, name) => [...document.querySelectorAll(tag)].filter(one => one.textContent.trim() === name);
   const put = (target, name, value) => { if (target[name] !== value) target[name] = value; };
   const mark = (button, name, on) => button.setAttribute(name, String(on));
@@ -68,7 +67,7 @@ if (window.flexvizPage && !window.flexvizPage.layout) {
   show('steps');
 
   const size = () => {
-    const width = window.innerWidth, ours = Boolean(dock());  // viser has a layout of its own for telephones
+    const width = window.innerWidth, ours = Boolean(viser.dock());  // viser has a layout of its own for telephones
     root.classList.toggle('fv-barred', ours && (width < WITH_BAR || window.innerHeight < LOW));
     root.classList.toggle('fv-tabbed', ours && width < WITH_TABS);
     root.classList.toggle('fv-single', ours && width < ONE_COLUMN);
@@ -92,7 +91,7 @@ if (window.flexvizPage && !window.flexvizPage.layout) {
     put(slider, 'max', last);
     if (Date.now() - held > 500) put(slider, 'value', time);
     clock.replaceChildren(time, make('span', ` / ${last}`), ' s');
-    copy(names, [...document.querySelectorAll('[data-floating-window] .fv-name')]);
+    copy(names, [...document.querySelectorAll(`${viser.windows} .fv-name`)]);
     copy(joints, [...document.querySelectorAll('.fv-joint .fv-box')]);
     joints.title = [...document.querySelectorAll('.fv-joint')].map(one => one.dataset.hover).join('\n');
   };
@@ -113,7 +112,7 @@ if (window.flexvizPage && !window.flexvizPage.layout) {
   pin.onpointerdown = e => e.stopPropagation();  // the strip behind it can be dragged
   say();
   const follow = () => {
-    const strip = named('[data-dock-region] [role=tab]', 'Compare').map(one => one.parentElement)[0];
+    const strip = named(viser.strips, 'Compare').map(one => one.parentElement)[0];
     if (strip && pin.parentElement !== strip) strip.append(pin);
     const shown = document.querySelector('[data-fv-turn]'), now = shown && shown.dataset.fvTurn;
     if (now && turn !== null && now !== turn && !pinned) {
@@ -140,7 +139,7 @@ if (window.flexvizPage && !window.flexvizPage.layout) {
   }, true);
   const screen = () => {
     const box = stage().getBoundingClientRect(), whole = value => Math.round(value);
-    const covered = [...document.querySelectorAll('[data-floating-window]')].map(one => one.getBoundingClientRect())
+    const covered = [...document.querySelectorAll(viser.windows)].map(one => one.getBoundingClientRect())
       .map(one => [Math.max(one.left, box.left) - box.left, Math.max(one.top, box.top) - box.top,
         Math.min(one.right, box.right) - box.left, Math.min(one.bottom, box.bottom) - box.top])
       .filter(([left, top, right, bottom]) => right > left && bottom > top);

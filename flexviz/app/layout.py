@@ -4,10 +4,23 @@ Wide pages have three columns, with legend and playback floating over the middle
 ones both become one bar under the 3D view; on still narrower ones columns become tabs: first 3D view and
 plots, then the steps, too. `layout.js` measures the page, sets the classes that these rules name, and draws
 bar and tabs.
-These two files are the only ones that know how viser builds its docks.
 """
 
 from __future__ import annotations
+
+from flexviz.app.viser_private import (
+    CANVAS,
+    DOCK,
+    DOCK_HANDLES,
+    LEFT,
+    NOTIFICATIONS,
+    RIGHT,
+    SHADOW,
+    TAB,
+    WINDOW,
+    dock_width,
+    window,
+)
 
 WITH_BAR = 1280  # [CSS pixels] narrower pages have the bar
 LOW = 640  # [CSS pixels] so have lower ones: legend and playback would cover the 3D view
@@ -20,28 +33,15 @@ PANEL = 488  # [pixels] width of a panel that the bar opens
 DOCKS = 310, 372  # [pixels] width of the left and right dock on tight pages
 STEPS = 330  # [pixels] width of the steps beside 3D view or plots
 
-WINDOW = "[data-floating-window]"
-CANVAS = "[data-dock-root] > div:first-child"
-SHADOW = '[data-dock-root] > div[style*="box-shadow"]'  # of a dock, at the width that viser gives it
-LEFT, RIGHT = (f'[data-dock-region="{side}"]:not(:has([data-dock-rail-root]))' for side in ("left", "right"))
-
-
-def _width(region: str, width: str) -> str:
-    """Rules that give a docked region and what is in it this width."""
-    return (
-        f"{region} {{ width: {width} !important; }}\n"
-        f"{region} > div:nth-child(2) > div {{ width: 100% !important; }}\n"
-    )
-
 
 def _opened(panel: str) -> str:
-    return f'.fv-barred[data-fv-panel="{panel}"] {WINDOW}:has([data-dock-tab][title="{panel}"])'
+    return f'.fv-barred[data-fv-panel="{panel}"] {window(panel)}'
 
 
 LAYOUT = f"""
 #fv-bar, #fv-columns {{ display: none; position: fixed; box-sizing: border-box; z-index: 8;
-  align-items: center; font-size: 12.5px; color: var(--mantine-color-text);
-  background: var(--mantine-color-body); }}
+  align-items: center; font-size: 12.5px; color: var(--fv-text);
+  background: var(--fv-body); }}
 #fv-bar button, #fv-columns button {{ border: 1px solid rgba(128, 128, 128, 0.45); border-radius: 4px;
   background: none; color: inherit; font: inherit; cursor: pointer; height: 28px; padding: 0 8px; }}
 #fv-bar button[aria-pressed=true], #fv-columns button[aria-selected=true] {{ background: #0072B2; color: #fff;
@@ -62,35 +62,34 @@ LAYOUT = f"""
 {_opened("Legend")}, {_opened("Playback")} {{ display: block !important; top: auto !important;
   left: var(--fv-left) !important; bottom: {BAR + 4}px; width: min({PANEL}px, var(--fv-width)) !important;
   height: auto !important; max-height: calc(100% - {BAR + 8}px); overflow-y: auto !important; }}
-.fv-barred .mantine-Notifications-root {{ left: calc(var(--fv-left) + 8px) !important;
+.fv-barred {NOTIFICATIONS} {{ left: calc(var(--fv-left) + 8px) !important;
   width: min(20em, calc(var(--fv-width) - 16px)) !important; min-width: 0; }}
-.fv-tabbed .mantine-Notifications-root {{ top: {TABS + 8}px !important; }}
-.fv-tabbed [data-dock-root] {{ margin-top: {TABS}px; height: calc(100% - {TABS}px) !important; }}
+.fv-tabbed {NOTIFICATIONS} {{ top: {TABS + 8}px !important; }}
+.fv-tabbed {DOCK} {{ margin-top: {TABS}px; height: calc(100% - {TABS}px) !important; }}
 .fv-tabbed #fv-columns {{ display: flex; top: 0; left: 0; right: 0; height: {TABS}px; padding: 0 8px;
   gap: 6px; }}
 .fv-tabbed:not(.fv-single) #fv-columns {{ left: {STEPS}px; }}
 .fv-tabbed:not(.fv-single) #fv-columns [data-column=steps] {{ display: none; }}
 .fv-tabbed:not(.fv-single) {LEFT} {{ top: -{TABS}px !important; }}
-.fv-tabbed:not(.fv-single) [data-dock-root] {{ overflow: visible !important; }}
-.fv-tabbed {SHADOW}, .fv-tabbed [data-dock-region-collapse],
-.fv-tabbed [data-dock-region-resize] {{ display: none !important; }}
+.fv-tabbed:not(.fv-single) {DOCK} {{ overflow: visible !important; }}
+{", ".join(f".fv-tabbed {part}" for part in (SHADOW, *DOCK_HANDLES))} {{ display: none !important; }}
 .fv-tabbed {CANVAS} {{ left: {STEPS}px !important; right: 0 !important; }}
-{_width(f".fv-tabbed {LEFT}", f"{STEPS}px")}
-{_width(f".fv-tabbed {RIGHT}", "auto")}
+{dock_width(f".fv-tabbed {LEFT}", f"{STEPS}px")}
+{dock_width(f".fv-tabbed {RIGHT}", "auto")}
 .fv-tabbed {RIGHT} {{ left: {STEPS}px; bottom: {BAR}px !important; visibility: hidden; }}
 .fv-tabbed[data-fv-column=plots] {RIGHT} {{ visibility: visible; }}
 .fv-single {CANVAS}, .fv-single {RIGHT} {{ left: 0 !important; }}
-{_width(f".fv-single {LEFT}", "100%")}
+{dock_width(f".fv-single {LEFT}", "100%")}
 .fv-single {LEFT} {{ visibility: hidden; }}
 .fv-single[data-fv-column=steps] {LEFT} {{ visibility: visible; }}
 .fv-single[data-fv-column=steps] #fv-bar {{ display: none; }}
 @media (min-width: {WITH_TABS}px) and (max-width: {TIGHT - 0.02}px) {{
-{_width(LEFT, f"{DOCKS[0]}px")}{_width(RIGHT, f"{DOCKS[1]}px")}
+{dock_width(LEFT, f"{DOCKS[0]}px")}{dock_width(RIGHT, f"{DOCKS[1]}px")}
 {CANVAS} {{ left: {DOCKS[0]}px !important; right: {DOCKS[1]}px !important; }}
 {SHADOW} {{ display: none; }}
-[data-dock-tab] {{ padding-inline: 6px !important; }}
+{TAB} {{ padding-inline: 6px !important; }}
 }}
 .fv-pin {{ margin-left: auto; align-self: center; padding: 3px; border: none; border-radius: 3px;
-  background: none; color: var(--mantine-color-dimmed); cursor: pointer; }}
+  background: none; color: var(--fv-dimmed); cursor: pointer; }}
 .fv-pin[aria-pressed=true] {{ background: #0072B2; color: #fff; }}
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
@@ -52,7 +53,7 @@ class LegendPanel:
         self._store = store
         panel = page.gui.add_panel()
         with panel.add_tab("Legend"):
-            self._robots = page.gui.add_html("")
+            self._robots = ExplainedHtml(page.gui)
             self._joints = page.gui.add_html("")
         panel.float(x=12, y=12, width=WIDTH)
         results = Changed.ANALYSIS | Changed.DERIVED

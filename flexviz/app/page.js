@@ -2,20 +2,19 @@
 // at every plot, small numbers in plots, tooltips that close.
 // The values go into the page's own controls, as if they had been typed, and are checked there.
 if (!window.flexvizPage) {
-  const own = window.flexvizPage = {};  // what layout.js uses, too
+  const viser = window.flexvizViser, own = window.flexvizPage = {};  // what layout.js uses, too
   const asksForDark = new URLSearchParams(window.location.search).has('darkMode');  // and viser shows nothing else
   document.documentElement.classList.toggle('fv-dark', asksForDark);
   const CLICK = 4;  // [px] a press may move; more is a drag, which zooms
   const over = e => (e.target.closest ? e.target.closest('.u-over') : null);
-  const charts = () => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart);
-  const timed = place => charts().find(one => one.over === place && one.series[0].label === 'AXIS');
+  const timed = place => viser.charts().find(one => one.over === place && one.series[0].label === 'AXIS');
   const type = (input, text) => {
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, text);
     input.dispatchEvent(new Event('input', { bubbles: true }));
   };
   const inputs = name => {
     const label = [...document.querySelectorAll('label')].find(one => one.textContent.trim() === name);
-    const row = label && label.closest('.mantine-Flex-root');
+    const row = label && viser.control(label);
     return row ? [...row.querySelectorAll('input:not([type=hidden])')] : [];
   };
 
@@ -84,7 +83,7 @@ if (!window.flexvizPage) {
   let drops = 0, sending = Promise.resolve();
   const send = async files => {
     const button = [...document.querySelectorAll('button')].find(one => one.textContent.trim() === 'DROP');
-    const input = button && document.getElementById(`file_upload_${button.id}`);
+    const input = button && viser.upload(button);
     if (!input) return;
     const good = files.filter(file => file.size > 0 && file.size <= LARGEST_UPLOAD);
     const skipped = files.filter(file => !good.includes(file)).slice(0, 10).map(file => [file.name.slice(0, 60), file.size]);
@@ -134,7 +133,7 @@ if (!window.flexvizPage) {
   }, true);
   document.addEventListener('click', e => {
     const button = e.target.closest ? e.target.closest('button') : null;
-    const input = button && document.getElementById(`file_upload_${button.id}`);
+    const input = button && viser.upload(button);
     if (input) input.multiple = true;
   }, true);
   document.addEventListener('change', e => {
@@ -149,7 +148,7 @@ if (!window.flexvizPage) {
 
   let saved = 0;
   document.addEventListener('mouseover', e => {
-    const box = e.target.closest ? e.target.closest('.uplot-container') : null;
+    const box = e.target.closest ? viser.plot(e.target) : null;
     if (!box || box.querySelector('.fv-png')) return;
     const button = document.createElement('button');
     button.className = 'fv-png';
@@ -171,7 +170,7 @@ if (!window.flexvizPage) {
     const text = small ? Number(value.toPrecision(4)).toExponential() : usual.format(value || 0);
     return text.replaceAll('-', '−');
   };
-  setInterval(() => charts().filter(one => !one.flexvizNumbers).forEach(one => {
+  setInterval(() => viser.charts().filter(one => !one.flexvizNumbers).forEach(one => {
     one.flexvizNumbers = true;
     one.axes[1].values = (_, splits) => splits.map(number);
     one.series.slice(1).forEach(each => { each.value = (_, value) => number(value) || '--'; });
@@ -198,15 +197,13 @@ if (!window.flexvizPage) {
   document.body.append(tip);
   let waiting = false;
   const bodyUnder = e => {
-    const scene = window.__viserMutable, nodes = (scene || {}).nodeRefFromName || {};
-    const canvas = scene && scene.canvas;
+    const scene = viser.scene(), nodes = viser.nodes(), canvas = scene.canvas;
     if (!canvas || !scene.camera) return null;
     const box = canvas.getBoundingClientRect();
     const bodies = Object.keys(nodes).filter(name => nodes[name] && /^\/(measured|identified|beside)\/[^/]+$/.test(name))
       .filter(name => document.querySelector(`[data-node="${CSS.escape(name.split('/')[2])}"]`));
-    const root = bodies.length && nodes[bodies[0]].__r3f && nodes[bodies[0]].__r3f.root;
-    if (!root) return null;
-    const ray = root.getState().raycaster;
+    const ray = bodies.length ? viser.raycaster(nodes[bodies[0]]) : null;
+    if (!ray) return null;
     const at = { x: (2 * (e.clientX - box.left)) / box.width - 1, y: 1 - (2 * (e.clientY - box.top)) / box.height };
     ray.setFromCamera(at, scene.camera);
     let best = null;
@@ -221,7 +218,7 @@ if (!window.flexvizPage) {
     waiting = true;
     requestAnimationFrame(() => {
       waiting = false;
-      const free = e.buttons === 0 && e.target.tagName !== 'BUTTON' && !e.target.closest('[data-dock-group], .u-over');
+      const free = e.buttons === 0 && e.target.tagName !== 'BUTTON' && !over(e) && !viser.panel(e.target);
       const body = free ? bodyUnder(e) : null;
       const row = body && document.querySelector(`[data-node="${CSS.escape(body)}"]`);
       tip.style.display = row ? '' : 'none';

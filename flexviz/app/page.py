@@ -17,6 +17,7 @@ from flexviz.app.events import Event, EventQueue
 from flexviz.app.layout import LAYOUT
 from flexviz.app.page_script import COMING_LABEL, DROP_LABEL, new_tab, picture
 from flexviz.app.style import CSS, Tooltips, hidden, hidden_button, in_row
+from flexviz.app.viser_private import id_of
 
 SETTLE = 0.06  # [s] delay of a command, in which a control may claim its key press
 CTRL, SHIFT = "cmd/ctrl", "cmd/ctrl+shift"
@@ -125,7 +126,7 @@ class Page:
 
         async def told(event: Any) -> None:
             if event.client_id is not None:
-                self._queue.put(Event(handle._impl.uuid, action, value(event), control=used), each=each)
+                self._queue.put(Event(id_of(handle), action, value(event), control=used), each=each)
 
         return told
 
@@ -186,13 +187,13 @@ class Page:
 
     def row(self, buttons: Sequence[Any], share: float | None = None) -> None:
         """Place buttons side by side; each takes `share` of the row (None: equal shares)."""
-        uuids = [button._impl.uuid for button in buttons]
+        uuids = [id_of(button) for button in buttons]
         self.tooltips.open_left(uuids[(len(uuids) + 1) // 2 :] if share is None else uuids)
         self.rules.append(in_row(*uuids, share=share))
 
     def style(self, rule: Callable[..., str], handle: Any, *more: Any) -> None:
         """Add a rule of `app.style` for this control."""
-        self.rules.append(rule(handle._impl.uuid, *more))
+        self.rules.append(rule(id_of(handle), *more))
 
     def set_dark(self, dark: bool) -> None:
         self.gui.configure_theme(dark_mode=dark, show_share_button=False, show_logo=False)

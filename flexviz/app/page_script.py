@@ -1,7 +1,7 @@
 """The page's scripts: clicks into plots and lists, zooms, names under the pointer, pictures of plots, layout.
 
 viser reports none of them, so `page.js` and `layout.js` write them into controls; they come with an element
-of the page.
+of the page. `terms.js` explains the terms in its texts.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ def page_script() -> str:
     """The scripts as an element (HTML)."""
     folder = Path(__file__).parent
     text = "".join(
-        (folder / name).read_text(encoding="utf-8") for name in ("page.js", "layout.js", "fall.js")
+        (folder / name).read_text(encoding="utf-8")
+        for name in ("viser_private.js", "page.js", "layout.js", "fall.js", "terms.js")
     )
     for name in ("WITH_BAR", "LOW", "WITH_TABS", "ONE_COLUMN"):
         text = text.replace(f" {name}", f" {getattr(layout, name)}")

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, dim, off, put
 from flexviz.app.page_script import TRANSPORT_LABEL, page_script
 from flexviz.app.playback import SPEEDS
@@ -71,7 +72,7 @@ class PlaybackPanel:
             hint = "on the floor; without them a machine without graphics hardware draws faster"
             shadows = page.checkbox("Shadows", True, self._set("shadows"), hint=hint)
             loop = page.checkbox("Loop", True, self._loop, hint="starts again at the end of the span")
-            self._note = gui.add_html("")
+            self._note = ExplainedHtml(gui)
         panel.float(x=12, y=-12, width=488)
         page.style(hidden, page.client_text(TRANSPORT_LABEL, self._command, each=True))
         self._state = gui.add_html("")

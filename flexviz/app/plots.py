@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from flexviz import view
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.fleet import FleetTab
 from flexviz.app.page import Page, put
 from flexviz.app.page_script import PICTURE_LABEL
@@ -48,13 +49,13 @@ class PlotPanel:
         self.residuals = ResidualTab(store, page, panel.add_tab(PROOF))
         compare = panel.add_tab(COMPARE)
         with compare:
-            self._steps = page.gui.add_html("")
+            self._steps = ExplainedHtml(page.gui)
             hint = "shows this model everywhere: robot, residual, parameters"
             self._models = page.choose(
                 page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint),
                 lambda number: store.show_model(self._ends[int(number)]),
             )
-            hint = "draws this model beside the shown one, each coloured by its own error"
+            hint = "draws this model next to the shown one, each coloured by its own error"
             self._beside = page.choose(
                 page.gui.add_button_group("Compare with", (OFF,), visible=False, hint=hint),
                 self._compare_with,
@@ -169,7 +170,7 @@ class PlotPanel:
             self._models.options, self._beside.options = numbers, (*numbers, OFF)
 
     def _compare_with(self, number: str) -> None:
-        """Draw another model beside the shown one, or none."""
+        """Draw another model next to the shown one, or none."""
         chosen = None if number == OFF else self._ends[int(number)]
         if chosen is not None and self._store.chain[chosen][1] is None:
             raise InputError("the results of this model are not kept: press Undo, or diagnose again")
@@ -205,9 +206,9 @@ class ResidualTab:
         gui = page.gui
         self.laws = ChartColumn(page.server, tab)
         with tab:
-            self._map = gui.add_html("")
-            self._groups = gui.add_html("")
-            self._stopgap = gui.add_html("")
+            self._map = ExplainedHtml(gui)
+            self._groups = ExplainedHtml(gui)
+            self._stopgap = ExplainedHtml(gui)
             hint = "marks, in time and on the robot, the instants where this variable is in the range"
             self._variable = page.dropdown(
                 "Highlight", (OFF, *view.VARIABLES), self._chosen, visible=False, hint=hint
@@ -216,7 +217,7 @@ class ResidualTab:
                 gui.add_multi_slider("Range", 0.0, 1.0, 1.0 / STEPS, (0.0, 1.0), visible=False),
                 lambda _: self._draw(),
             )
-            self._about = gui.add_html("")
+            self._about = ExplainedHtml(gui)
             ResidualAxis(store, page, self._draw)
         self.charts = ChartColumn(page.server, tab)
         store.subscribe(Changed.OPENED, lambda: put(self._variable, value=OFF))

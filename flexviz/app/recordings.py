@@ -61,7 +61,7 @@ class RecordedSession:
     def results(self, recording: LiveRecording) -> None:
         """Tell new results."""
         analysis = self._store.analysis
-        result, diagnosis, fitted = analysis.identification, analysis.diagnosis, analysis.fitted_settings
+        result, diagnosis, fitted = analysis.identification, analysis.diagnosis, analysis.fitted
         if result is not self._result:
             self._replays, self._maps = set(), ()
             if result is not None:

@@ -11,13 +11,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flexviz.diagnosis import BestModel, PredictionErrors, ResidualMap
+from flexviz.diagnosis import BestModel, PredictionErrors
 from flexviz.identification import Identification, ObservedResidual
+from flexviz.iteration import Iteration
 from flexviz.jobs import Task
 from flexviz.laws import LawThroughData
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import EsoGains
-from flexviz.progress import Iteration, Progress
+from flexviz.progress import Progress
+from flexviz.records import ResidualMap
 from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_motion, with_replay
 from flexviz.session import HISTORY, Session
 from flexviz.simulation import Run
@@ -56,7 +58,7 @@ class Activity:
 
 @dataclass(eq=False)
 class FitProgress:
-    """The latest fit: its effects beside the set's own, and its iterations so far."""
+    """The latest fit: its effects in addition to the set's own, and its iterations so far."""
 
     effects: tuple[str, ...] = ()
     single: bool = True  # whether it leads to one result
@@ -85,7 +87,7 @@ class SearchSoFar:
     alone: Mapping[str, float] = field(default_factory=dict)
     law: LawThroughData | None = None
 
-    def told(self, news: Progress) -> SearchSoFar:
+    def updated(self, news: Progress) -> SearchSoFar:
         """With news; the same object if nothing is new."""
         best = news.so_far if isinstance(news.so_far, BestModel) else None
         law = news.law if isinstance(news, SearchNews) else None
@@ -228,13 +230,13 @@ class ChangeSignal:
     """Tells subscribers what has changed."""
 
     def __init__(self) -> None:
-        self._subscribers: list[tuple[Turn, Changed, Callable[[], None]]] = []
+        self._subscribers: list[tuple[Turn, int, Callable[[], None]]] = []  # plain numbers: flags take long
         self._untold = Changed(0)
         self._telling = False
 
     def subscribe(self, changes: Changed, act: Callable[[], None], turn: Turn = Turn.PLOTS) -> None:
         """Call `act` after any of these changes, turn by turn and then in the order of subscription."""
-        self._subscribers.append((turn, changes, act))
+        self._subscribers.append((turn, changes.value, act))
         self._subscribers.sort(key=lambda subscriber: subscriber[0])
 
     def tell(self, change: Changed) -> None:
@@ -245,9 +247,9 @@ class ChangeSignal:
         self._telling = True
         try:
             while change := self._untold:
-                self._untold = Changed(0)
+                told, self._untold = change.value, Changed(0)
                 for _, changes, act in self._subscribers:
-                    if changes & change:
+                    if changes & told:
                         act()
         finally:
             self._telling, self._untold = False, Changed(0)

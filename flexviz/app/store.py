@@ -32,12 +32,13 @@ from flexviz.app.state import (
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, SetTask
-from flexviz.diagnosis import PredictionErrors, ResidualMap
+from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import Progress, ProgressCallback
+from flexviz.records import ResidualMap
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import progress_text, shown_errors, worst_joint
@@ -133,7 +134,7 @@ class Store(ChangeSignal):
         if change & Changed.HISTORY:
             self.message = Message(action)
         change |= Changed.ANALYSIS | Changed.SEARCH
-        if after.tuning != before.tuning:
+        if after.fit.tuning != before.fit.tuning:
             change |= Changed.OBSERVER
         if after.identification is not before.identification:
             change |= Changed.RESULT
@@ -316,7 +317,7 @@ class Store(ChangeSignal):
             return
         if self.activity is not None:
             self.activity, before = replace(self.activity, share=news.share or 0.0), self.search
-            self.news, self.search = news, before.told(news)
+            self.news, self.search = news, before.updated(news)
             self.tell(Changed.PROGRESS if self.search is before else Changed.PROGRESS | Changed.SEARCH)
         self.say(news.line, "busy")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,6 @@ from flexviz.diagnosis import (
     BestModel,
     Diagnosis,
     PredictionErrors,
-    ResidualMap,
     diagnose,
     errors_along,
     maps_of,
@@ -25,12 +22,13 @@ from flexviz.diagnosis import (
 )
 from flexviz.errors import Cancelled
 from flexviz.identification import Identification, SweepResult, identify, sweep
+from flexviz.iteration import Iteration
 from flexviz.jobs import Result, Task
 from flexviz.laws import LawThroughData, laws_of
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
-from flexviz.parallel import Background
-from flexviz.progress import BestSoFar, Iteration, Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.records import ResidualMap
 from flexviz.session import (
     Analysis,
     Session,
@@ -73,8 +71,7 @@ class CheckParameters(IdleTask["Identification"]):
 
 def _identify(analysis: Analysis, **more: Any) -> Identification:
     """Identify with the settings of the analysis, but for those in `more`."""
-    names = ("effects", "observer", "bandwidth", "gains", "refine")
-    return identify(chosen_set(analysis), **{name: getattr(analysis, name) for name in names} | more)
+    return identify(chosen_set(analysis), analysis.fit, **more)
 
 
 @dataclass(frozen=True)
@@ -87,10 +84,10 @@ class Sweep(SetTask["SweepResult"]):
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> SweepResult:
         return sweep(
             chosen_set(self.analysis),
-            self.analysis.observer,
+            self.analysis.fit.observer,
             self.bandwidths,
             effects=self.analysis.effects,
-            gains=self.analysis.gains,
+            gains=self.analysis.fit.gains,
             progress=progress,
             should_stop=should_stop,
         )
@@ -139,33 +136,6 @@ class Diagnose(SetTask[DiagnosedSet]):
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
-        cached_set(self.analysis.path)  # not once more in the background
-        told = list[Progress]()
-
-        def tell(news: Progress) -> None:
-            told.append(news)
-            progress(news)
-
-        def identified() -> Identification:
-            return _identify(self.analysis, progress=tell, should_stop=should_stop)
-
-        work = Background(identified, begin=self.known is None)
-
-        def identify_set() -> Identification:
-            result = work.result()
-            for iteration in () if told else result.iterations:  # the background has told nobody
-                progress(Progress(iteration=iteration))
-            return result
-
-        with closing(work):
-            return self._diagnosed(identify_set, progress, should_stop)
-
-    def _diagnosed(
-        self,
-        identify_set: Callable[[], Identification],
-        progress: ProgressCallback,
-        should_stop: StopCallback,
-    ) -> DiagnosedSet:
         analysis, identification, bandwidth = self.analysis, None, self.known
         measurements = chosen_set(analysis)
         measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
@@ -179,9 +149,12 @@ class Diagnose(SetTask[DiagnosedSet]):
         if bandwidth is None:
             if diagnosis.stopped and not diagnosis.findings:
                 raise Cancelled
-            identification = identify_set()
-            if identification.stopped:
-                identification = _identify(analysis, progress=progress)
+            if not diagnosis.stopped:
+                identification = _identify(analysis, progress=progress, should_stop=should_stop)
+            if identification is None or identification.stopped:
+                # who stops does not wait for a fit: the diagnosis has one
+                model = diagnosis.steps[0].model if diagnosis.steps else None
+                identification = _identify(analysis, refine=False, model=model)
             bandwidth = bandwidth_of(identification)
         added: list[Identification] = []
         for found in diagnosed_models(diagnosis, measurements.joints)[1:] if self.apply else ():
@@ -263,10 +236,10 @@ class JudgeErrors(IdleTask["tuple[PredictionErrors, ...]"]):
     @staticmethod
     def of(state: Analysis) -> JudgeErrors | None:
         """The task for the fit of an analysis; None without one."""
-        fit, used = state.identification, state.fitted_settings
+        fit, used = state.identification, state.fitted
         if fit is None or used is None:
             return None
-        settings = replace(state.without_result(), roles=used.roles, effects=used.effects)
+        settings = replace(state.without_result().with_fit(effects=used.effects), roles=used.roles)
         ends = (fit.iterations[last] for _, _, last in solver_stages(fit.iterations))
         return JudgeErrors(settings, fit.model, (*fit.iterations[:1], *ends))
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import viser
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import put
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, TIME, Chart, ChartAxis
@@ -90,7 +91,7 @@ class ChartColumn:
         self._charts: dict[str, UplotChart] = {}
         self.shown: tuple[Chart, ...] = ()  # as given last
         with tab:
-            self._notes = server.gui.add_html("")
+            self._notes = ExplainedHtml(server.gui)
 
     def show(self, charts: tuple[Chart, ...]) -> None:
         """Show these charts; a chart without series shows only its note."""
@@ -174,7 +175,7 @@ def _look(chart: Chart, drawn: Array) -> dict[str, Any]:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
     y: dict[str, Any] = {"scale": "y", "size": 58, "space": 20}
     if chart.y.logarithmic:  # over many decades the marks and grid lines would be solid blocks
-        y |= {"ticks": {"show": False}, "grid": {"width": 0.5}}
+        y |= {"ticks": {"show": False}, "grid": {"width": 0.5}, "size": 70}  # holds "1,000,000"
     first = 1 + len(chart.series)  # of the ribbons' edges
     bands = [
         {

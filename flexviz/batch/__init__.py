@@ -5,8 +5,10 @@ from flexviz.batch.batch import BatchOutcome, is_batch, read_batch, run_batch, s
 from flexviz.batch.cluster import ClusterChoice, SchedulerLost, spread
 from flexviz.batch.fleet import histories, outliers
 from flexviz.batch.listing import about_html, fleet_html
-from flexviz.batch.page import counted_verdicts, drift_text, history_chart, parameter_words
-from flexviz.batch.rows import FleetRow, FleetValue
+from flexviz.batch.page import counted_verdicts, drift_text, history_chart
+from flexviz.batch.repeatability import Repeatability, RepeatedFinding, RepeatedValue, repeatability
+from flexviz.batch.repeatability_page import parameter_words, repeatability_lines
+from flexviz.batch.rows import FleetRow
 from flexviz.batch.study import StudyOutcome, run_study
 from flexviz.batch.study_page import detected, detection_limit, spreads
 from flexviz.batch.study_plan import StudyPlan, StudyRun
@@ -15,7 +17,9 @@ __all__ = [
     "BatchOutcome",
     "ClusterChoice",
     "FleetRow",
-    "FleetValue",
+    "Repeatability",
+    "RepeatedFinding",
+    "RepeatedValue",
     "SchedulerLost",
     "SetOptions",
     "StudyOutcome",
@@ -33,6 +37,8 @@ __all__ = [
     "outliers",
     "parameter_words",
     "read_batch",
+    "repeatability",
+    "repeatability_lines",
     "run_batch",
     "run_study",
     "set_results",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import BatchTask, Json
 from flexviz.diagnosis import diagnose
 from flexviz.errors import FlexvizError
-from flexviz.identification import identify
+from flexviz.identification import FitSettings, identify
 from flexviz.measurements import MeasurementSet, fingerprint, read_set
 
 LEFT_OUT = ("maps",)  # of a diagnosis: the largest part of it, only for plots
@@ -27,15 +27,12 @@ class SetOptions:
     """What is done with every set.
 
     Attributes:
-        effects, observer, bandwidth, refine: as in `identify`.
+        fit: how it is identified.
         diagnosed: also look for the missing effects, add them one by one, and refit.
         limit: [s] after which a diagnosis ends with what it has found; 0: none.
     """
 
-    effects: tuple[str, ...] = ()
-    observer: str = "butterworth-zero-phase"
-    bandwidth: float | tuple[float, ...] | None = None
-    refine: bool = False
+    fit: FitSettings = field(default_factory=FitSettings)
     diagnosed: bool = True
     limit: float = 0.0
 
@@ -50,13 +47,13 @@ def analyse_set(what: Json, where: Json) -> Json:
     """Identify and diagnose: the results documents of both."""
     options, measurements = what["options"], known_set(what, where)
     stop = stop_after(options["limit"])
-    chosen = {name: options[name] for name in ("effects", "observer", "bandwidth", "refine")}
-    identified = identify(measurements, should_stop=stop, **chosen)
+    settings = FitSettings(**options["fit"])
+    identified = identify(measurements, settings, should_stop=stop)
     out: Json = {"joints": list(measurements.joints), "robot": measurements.robot.name}
     out |= {"simulated": measurements.simulated, "warnings": list(measurements.warnings)}
     out["identification"] = identified.to_dict()
     if options["diagnosed"]:
-        extended = replace(measurements, effects=(*measurements.effects, *options["effects"]))
+        extended = replace(measurements, effects=(*measurements.effects, *settings.effects))
         out["diagnosis"] = _without(diagnose(extended, apply=True, should_stop=stop).to_dict(), LEFT_OUT)
     return out
 

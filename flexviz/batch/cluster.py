@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from flexviz.errors import FlexvizError, InputError, one_line
+from flexviz.errors import FlexvizError, InputError, one_line, require_extra
 from flexviz.progress import StopCallback, never
 
 if TYPE_CHECKING:
@@ -134,12 +134,10 @@ def dask_setup(worker: Any) -> None:
 
 
 def _library() -> tuple[Any, Any]:
-    try:
-        import dask
-        import distributed
-    except ImportError:
-        message = "dask.distributed is not installed, which spreads the work: pip install 'flexviz[batch]'"
-        raise InputError(message) from None
+    require_extra("distributed", "work on several processes")
+    import dask
+    import distributed
+
     return dask, distributed
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from scipy import special
 
 from flexviz.arrays import Array
-from flexviz.batch.rows import DONE, FleetRow, FleetValue
+from flexviz.batch.rows import DONE, FleetRow
 from flexviz.batch.thresholds import THRESHOLDS
+from flexviz.records import ParameterEstimate
 
 DAY = 86400.0  # [s]
 YEAR = 365.25  # [days]
@@ -79,7 +80,7 @@ class Outlier:
 
 def histories(rows: Sequence[FleetRow]) -> list[ParameterHistory]:
     """Every parameter of every robot over its dates; drifting ones first, by their significance."""
-    found: dict[tuple[str, str], list[tuple[float, int, FleetValue]]] = defaultdict(list)
+    found: dict[tuple[str, str], list[tuple[float, int, ParameterEstimate]]] = defaultdict(list)
     for index, row, label, value in _values(rows):
         if (when := row.when) is not None:
             found[row.robot, label].append((when.timestamp() / DAY, index, value))
@@ -99,11 +100,11 @@ def _judged(one: ParameterHistory, judged: int) -> ParameterHistory:
 
 
 def _history(
-    rows: Sequence[FleetRow], robot: str, label: str, places: list[tuple[float, int, FleetValue]]
+    rows: Sequence[FleetRow], robot: str, label: str, places: list[tuple[float, int, ParameterEstimate]]
 ) -> ParameterHistory:
     days = np.array([day for day, _, _ in places])
     value = np.array([v.value for _, _, v in places])
-    std = np.array([math.nan if v.std is None or v.std <= 0 else v.std for _, _, v in places])
+    std = np.array([math.nan if v.std <= 0 else v.std for _, _, v in places])
     days -= days[0]
     slope, slope_std, offset, probability = line(days, value, std)
     indices = tuple(index for _, index, _ in places)
@@ -140,8 +141,8 @@ def outliers(rows: Sequence[FleetRow]) -> list[Outlier]:
     Each robot counts with its latest value, because its sets resemble one another; the sets of a single robot
     are compared with one another.
     """
-    latest: dict[tuple[str, str], dict[str, tuple[int, FleetValue]]] = defaultdict(dict)
-    sets: dict[tuple[str, str], list[tuple[int, FleetValue]]] = defaultdict(list)
+    latest: dict[tuple[str, str], dict[str, tuple[int, ParameterEstimate]]] = defaultdict(dict)
+    sets: dict[tuple[str, str], list[tuple[int, ParameterEstimate]]] = defaultdict(list)
     for index, row, label, value in sorted(_values(rows), key=lambda v: v[1].date):
         latest[row.description_sha256, label][row.robot] = index, value
         sets[row.description_sha256, label].append((index, value))
@@ -151,7 +152,7 @@ def outliers(rows: Sequence[FleetRow]) -> list[Outlier]:
     out: list[Outlier] = []
     for (_, label), fleet in large.items():
         values = np.array([value.value for _, value in fleet])
-        std = np.array([value.std or 0.0 for _, value in fleet])
+        std = np.array([np.nan_to_num(value.std) for _, value in fleet])
         median = float(np.median(values))
         spread = MAD_TO_SPREAD * float(np.median(np.abs(values - median)))
         scale = np.hypot(spread, std)
@@ -164,7 +165,7 @@ def outliers(rows: Sequence[FleetRow]) -> list[Outlier]:
     return sorted(out, key=lambda one: -abs(one.deviations))
 
 
-def _values(rows: Sequence[FleetRow]) -> Iterator[tuple[int, FleetRow, str, FleetValue]]:
+def _values(rows: Sequence[FleetRow]) -> Iterator[tuple[int, FleetRow, str, ParameterEstimate]]:
     """The values that the data determine, with the index of their row."""
     for index, row in enumerate(rows):
         if row.state == DONE:

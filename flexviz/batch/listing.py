@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.batch.fleet import Outlier
-from flexviz.batch.page import counted_verdicts, found_text, parameter_words, verdict_words
+from flexviz.batch.page import counted_verdicts, found_text, verdict_words
+from flexviz.batch.repeatability_page import parameter_words
 from flexviz.batch.rows import DONE, FAILED, FleetRow
 from flexviz.wording import escape, number, percent, plural
 

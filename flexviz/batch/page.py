@@ -11,6 +11,8 @@ import numpy as np
 
 from flexviz import __version__
 from flexviz.batch.fleet import YEAR, Outlier, ParameterHistory, histories, outliers
+from flexviz.batch.repeatability import repeatability
+from flexviz.batch.repeatability_page import parameter_words, repeatability_section
 from flexviz.batch.rows import DONE, FAILED, WAITING, FleetRow
 from flexviz.charts import COLOURS, DASHED, Chart, ChartAxis, ChartSeries, Ribbon
 from flexviz.report import (
@@ -27,7 +29,7 @@ from flexviz.report import (
 )
 from flexviz.report import table as report_table
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import effect_text_name, interval, number, percent, plain_name, plural
+from flexviz.wording import effect_text_name, interval, number, percent, plural
 
 MOST_ROWS = 1000  # of a table on the page; the Parquet table has all
 MOST_CHARTS = 8
@@ -45,8 +47,8 @@ def summary_page(rows: Sequence[FleetRow], title: str, when: datetime) -> str:
     lines, apart = histories(rows), outliers(rows)
     shown = when.strftime("%Y-%m-%d %H:%M")
     sections = [
-        _overview(rows, lines, apart), _drift(rows, lines), _outliers(rows, apart), _failures(rows),
-        _sets(rows),
+        _overview(rows, lines, apart), repeatability_section(repeatability(rows)), _drift(rows, lines),
+        _outliers(rows, apart), _failures(rows), _sets(rows),
     ]  # fmt: skip
     subtitle = f"{plural(len(rows), 'measurement set')} of {plural(len({r.robot for r in rows}), 'robot')}"
     document = ReportDocument(
@@ -70,12 +72,6 @@ def counted_verdicts(rows: Sequence[FleetRow]) -> str:
     """ "7 effects missing, 3 nothing missing, 1 failed", the most frequent first."""
     counts = Counter(map(verdict_words, rows))
     return ", ".join(f"{count} {words}" for words, count in counts.most_common())
-
-
-def parameter_words(label: str) -> str:
-    """ "stiffness, joint1"."""
-    name, _, place = label.partition(":")
-    return plain_name(name) + (f", {place}" if place else "")
 
 
 def history_chart(one: ParameterHistory, key: str, height: int = 220) -> Chart:

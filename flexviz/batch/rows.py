@@ -14,20 +14,11 @@ from pydantic import ValidationError
 from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
 from flexviz.effects import free_curve
+from flexviz.records import ParameterEstimate
 from flexviz.results import ResultDocument
 from flexviz.wording import INERTIAL, confidence_of, mean_nrms, tied_families
 
 DONE, FAILED, WAITING = "done", "failed", "not done"
-
-
-@dataclass(frozen=True)
-class FleetValue:
-    """A parameter of one set."""
-
-    value: float
-    std: float | None
-    unit: str
-    identifiable: str
 
 
 @dataclass(frozen=True)
@@ -72,7 +63,7 @@ class FleetRow:
     residual_before: float | None
     converged: bool | None
     seconds: float | None
-    parameters: dict[str, FleetValue]
+    parameters: dict[str, ParameterEstimate]
     families: tuple[str, ...] = ()
 
     @property
@@ -133,9 +124,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         converged=identified.converged,
         seconds=result.seconds,
         parameters={
-            p.label: FleetValue(p.value, p.std, p.unit, p.identifiable)
-            for p in final.all_parameters
-            if p.name not in INERTIAL and free_curve(p.name) is None
+            p.label: p for p in final.all_parameters if p.name not in INERTIAL and free_curve(p.name) is None
         },
         families=tuple(families.get(one.text, "") for one in added),
     )

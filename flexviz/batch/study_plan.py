@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from flexviz.batch.tasks import BatchTask, Json, TaskResult
 from flexviz.errors import InputError, choose_from
 from flexviz.files import sha256_of
+from flexviz.identification import FitSettings
 from flexviz.measurements import overview
 from flexviz.simulation import PRESETS
 
@@ -30,7 +31,7 @@ class StudyPlan:
         hidden: effects in the simulated robot; of "detection" one, whose size is varied.
         parameter: of that effect.
         settings: bandwidths [rad/s], or sizes; size 0 hides nothing and gives the false alarms.
-        effects, observer, bandwidth, refine: of the identification.
+        fit: how each run is identified; of "bandwidth" without refinement.
         diagnosed: also diagnose each run of "monte-carlo".
         start: how a simulated motion starts: "rest" or "moving".
         block: length of the blocks of "bootstrap" [s].
@@ -42,10 +43,7 @@ class StudyPlan:
     hidden: tuple[str, ...] = ()
     parameter: str = ""
     settings: tuple[float, ...] = ()
-    effects: tuple[str, ...] = ()
-    observer: str = "butterworth-zero-phase"
-    bandwidth: float | tuple[float, ...] | None = None
-    refine: bool = False
+    fit: FitSettings = field(default_factory=FitSettings)
     diagnosed: bool = False
     start: str = "rest"
     block: float = 2.0
@@ -94,7 +92,7 @@ class StudyRun:
 
 def study_tasks(plan: StudyPlan) -> Iterator[BatchTask]:
     """The runs of a study."""
-    common: Json = {name: getattr(plan, name) for name in ("effects", "observer", "bandwidth", "refine")}
+    common: Json = {"fit": asdict(plan.fit)}
     where: Json = {}
     if plan.kind in ON_DATA or plan.source not in PRESETS:
         source = Path(plan.source)
@@ -112,7 +110,8 @@ def study_tasks(plan: StudyPlan) -> Iterator[BatchTask]:
         common["preset"] = plan.source
     if plan.kind == "bandwidth":
         for setting in plan.settings:
-            yield BatchTask(plan.kind, f"{setting:g} rad/s", {**common, "bandwidth": setting}, where)
+            common["fit"] = asdict(replace(plan.fit, bandwidth=setting, refine=False))
+            yield BatchTask(plan.kind, f"{setting:g} rad/s", common.copy(), where)
         return
     for setting in plan.settings if plan.kind == "detection" else (None,):
         for seed in range(plan.runs):
@@ -133,7 +132,7 @@ def _hidden(plan: StudyPlan, size: float | None) -> Sequence[str]:
 
 
 def run_of(number: int, task: BatchTask, result: TaskResult | None) -> StudyRun:
-    setting = task.what["bandwidth"] if task.kind == "bandwidth" else None
+    setting = task.what["fit"]["bandwidth"] if task.kind == "bandwidth" else None
     if task.kind == "detection":
         text = task.what["hidden"][0]
         setting = float(text.partition("=")[2]) if "=" in text else 0.0

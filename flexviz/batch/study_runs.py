@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,7 +13,7 @@ from flexviz.batch.analysis import known_set
 from flexviz.batch.tasks import Json
 from flexviz.diagnosis import diagnose
 from flexviz.files import temporary_folder
-from flexviz.identification import identify
+from flexviz.identification import FitSettings, identify
 from flexviz.limits import read_json
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.simulation import Plan, Run, make_plan, move, record, simulate_plan, write_plan
@@ -21,7 +22,6 @@ from flexviz.wording import INERTIAL, mean_nrms
 
 MARGIN = 1.0  # [s] beside a block of a bootstrap, for the ends that an observer needs
 NOTHING = "none"
-CHOSEN = ("observer", "bandwidth", "refine")  # of what `identify` is told
 
 
 def simulated_run(what: Json, where: Json) -> Json:
@@ -46,18 +46,20 @@ def sweep_run(what: Json, where: Json) -> Json:
 
 def _outcome(measurements: MeasurementSet, what: Json) -> Json:
     """Values with standard errors, error relative to the torque, verdict and effects found."""
-    effects = tuple(what["effects"])
-    result = identify(measurements, effects=effects, **{name: what[name] for name in CHOSEN})
+    settings = FitSettings(**what["fit"])
+    result = identify(measurements, settings)
     rms, parameters = result.residual.rms_validation or result.residual.rms, result.parameters
     out: Json = {"converged": bool(result.converged), "residual": mean_nrms(rms, measurements.torque_spread)}
     if what.get("diagnosed"):
-        extended = replace(measurements, effects=(*measurements.effects, *effects))
+        extended = replace(measurements, effects=(*measurements.effects, *settings.effects))
         document = diagnose(extended, apply=True).document()
         parameters = document.all_parameters
         out |= {"verdict": document.verdict, "final_verdict": document.final_verdict}
         out["found"] = [step.added.text for step in document.steps if step.added is not None]
     known = (p for p in parameters if p.name not in INERTIAL)
-    out["parameters"] = {p.label: [p.value, p.std, p.unit, p.identifiable] for p in known}
+    out["parameters"] = {
+        p.label: [p.value, p.std if math.isfinite(p.std) else None, p.unit, p.identifiable] for p in known
+    }
     return out
 
 

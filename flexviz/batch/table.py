@@ -4,63 +4,77 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import pyarrow as pa
 import pyarrow.parquet as papq
 
 from flexviz import __version__
-from flexviz.batch.rows import FleetRow, FleetValue
+from flexviz.batch.rows import FleetRow
 from flexviz.errors import InputError
 from flexviz.files import write_file
 from flexviz.limits import check_numbers, check_size
+from flexviz.records import ParameterEstimate
 
 TABLE = "results.parquet"
 LARGEST_TABLE = 2**30  # [bytes]
-PARTS = {"": pa.float64(), ":std": pa.float64(), ":identifiable": pa.string()}  # of a parameter's columns
 MARK = b"flexviz"  # key of the metadata
-KINDS: dict[str, pa.DataType] = {
-    "confidence": pa.float64(),
-    "residual": pa.float64(),
-    "residual_before": pa.float64(),
-    "converged": pa.bool_(),
-    "seconds": pa.float64(),
-    "found": pa.list_(pa.string()),
-    "families": pa.list_(pa.string()),
-}  # all others are texts
-ADDED_LATER = ("families",)  # columns that earlier versions did not write
-PLAIN = tuple(field.name for field in fields(FleetRow) if field.name != "parameters")
+PLACE = ("name", "joint", "payload", "group", "unit")  # of a parameter, in the metadata of its columns
+ARROW: dict[Any, pa.DataType] = {
+    str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_(), tuple: pa.list_(pa.string()),
+    Literal: pa.string(),
+}  # fmt: skip
+Kinds = dict[str, pa.DataType]
+
+
+def kinds_of(record: type, *but: str) -> Kinds:
+    """The fields of a record with the types of their columns."""
+    hints = get_type_hints(record)
+    out = {}
+    for field in fields(record):
+        if field.name not in but:
+            hint = hints[field.name]
+            among = (get_origin(hint), hint, *get_args(hint))  # X, tuple[X, ...] or X | None
+            out[field.name] = next(ARROW[kind] for kind in among if kind in ARROW)
+    return out
+
+
+PLAIN = kinds_of(FleetRow, "parameters")
+PARTS = {
+    "" if name == "value" else f":{name}": kind for name, kind in kinds_of(ParameterEstimate, *PLACE).items()
+}  # ending of a parameter's column -> its type
+DEFAULTS = {f.name: f.default for f in fields(FleetRow) if f.default is not MISSING}  # not in older tables
 
 
 def write_table(rows: Sequence[FleetRow], file: Path) -> None:
     """Write the table, completely or not at all.
 
-    Each parameter has the columns `stiffness:joint1`, `stiffness:joint1:std` and
-    `stiffness:joint1:identifiable`; its unit is in their metadata. A set without it has null there.
+    Each parameter has the columns `stiffness:joint1`, `stiffness:joint1:std`, `stiffness:joint1:identifiable`
+    and so on, one per field of `ParameterEstimate`; its unit is in their metadata. A set without it has null
+    there.
     """
-    columns: list[pa.Array] = []
-    heads: list[pa.Field] = []
-    for name in PLAIN:
-        kind = KINDS.get(name, pa.string())
-        heads.append(pa.field(name, kind))
-        columns.append(pa.array([getattr(row, name) for row in rows], kind))
-    units = {label: value.unit for row in rows for label, value in row.parameters.items()}
-    for label, unit in units.items():
+    columns = [pa.array([getattr(row, name) for row in rows], kind) for name, kind in PLAIN.items()]
+    heads = [pa.field(name, kind) for name, kind in PLAIN.items()]
+    units = {label: value for row in rows for label, value in row.parameters.items()}
+    for label, last in units.items():
         values = [row.parameters.get(label) for row in rows]
-        parts = {
-            "": [v and v.value for v in values],
-            ":std": [v and v.std for v in values],
-            ":identifiable": [v and v.identifiable for v in values],
-        }
+        place = {name: getattr(last, name) for name in PLACE}
         for part, kind in PARTS.items():
-            about = json.dumps({"parameter": label, "part": part, "unit": unit})
+            about = json.dumps({"parameter": label, "part": part, **place})
             heads.append(pa.field(label + part, kind, metadata={MARK: about.encode()}))
-            columns.append(pa.array(parts[part], kind))
+            name = part[1:] or "value"
+            columns.append(pa.array([v and finite(getattr(v, name)) for v in values], kind))
     schema = pa.schema(heads, metadata={MARK: json.dumps({"format": 1, "flexviz": __version__}).encode()})
     write_parquet(pa.Table.from_arrays(columns, schema=schema), file)
+
+
+def finite(value: Any) -> Any:
+    """The value; None for a number that is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_parquet(table: pa.Table, file: Path) -> None:
@@ -93,26 +107,26 @@ def _rows(table: pa.Table) -> list[FleetRow]:
     if MARK not in (table.schema.metadata or {}):
         raise ValueError("no mark of flexviz")
     plain: dict[str, list[Any]] = {}
-    for name in PLAIN:
-        kind = KINDS.get(name, pa.string())
-        if name in ADDED_LATER and name not in table.schema.names:
-            plain[name] = [None] * table.num_rows
+    for name, kind in PLAIN.items():
+        if name in DEFAULTS and name not in table.schema.names:
+            plain[name] = [DEFAULTS[name]] * table.num_rows
             continue
         if table.schema.field(name).type != kind:
             raise ValueError(f"column {name} has another type")
-        plain[name] = table[name].to_pylist()
-    for name in ("found", "families"):
-        plain[name] = [tuple(one or ()) for one in plain[name]]
-    parameters: list[dict[str, FleetValue]] = [{} for _ in range(table.num_rows)]
+        plain[name] = [tuple(one) if isinstance(one, list) else one for one in table[name].to_pylist()]
+    parameters: list[dict[str, ParameterEstimate]] = [{} for _ in range(table.num_rows)]
     for field in table.schema:
         about = json.loads((field.metadata or {}).get(MARK, b"{}"))
         if about.get("part") != "":
             continue
         label = str(about["parameter"])
-        value, std, grade = (table[label + part].cast(kind).to_pylist() for part, kind in PARTS.items())
-        for row, v, s, g in zip(parameters, value, std, grade, strict=True):
-            if v is not None:
-                row[label] = FleetValue(v, s, str(about["unit"]), g or "")
+        place = {"name": label.partition(":")[0], "joint": None} | {k: about[k] for k in PLACE if k in about}
+        known = {part: kind for part, kind in PARTS.items() if label + part in table.schema.names}
+        parts = {p[1:] or "value": table[label + p].cast(kind).to_pylist() for p, kind in known.items()}
+        for row, *values in zip(parameters, *parts.values(), strict=True):
+            given = {name: v for name, v in zip(parts, values, strict=True) if v is not None}
+            if "value" in given:
+                row[label] = ParameterEstimate(**({"std": math.nan, "identifiable": "no"} | place | given))
     return [
         FleetRow(**{name: plain[name][i] for name in PLAIN}, parameters=parameters[i])
         for i in range(table.num_rows)

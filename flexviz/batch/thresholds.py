@@ -10,10 +10,13 @@ class FleetThresholds:
     """When a parameter drifts, and when a set stands out. Supported by `pytest tests/test_batch_fleet.py`.
 
     Attributes:
-        false_alarms: probability that a fleet in which nothing changes has any drift, or any outlier, named:
-            single probabilities are divided by the number of parameters or values that are judged.
+        false_alarms: probability that a fleet in which nothing changes has any drift, or any outlier, named,
+            and that a robot whose stated errors are right has any value whose spread exceeds them: single
+            probabilities are divided by the number of parameters or values that are judged.
         least_drift: change over the recorded time relative to the mean; a smaller one is not named however
             certain it is, because temperature and load alone change friction by more.
+        least_recordings: of one robot, from which it is said what comes back: of two that differ, neither is
+            the rule.
         least_dates: instants from which a slope has an uncertainty that can be estimated (two would always
             lie on a line).
         least_fleet: values from which their spread can be estimated robustly.
@@ -23,6 +26,7 @@ class FleetThresholds:
 
     false_alarms: float = 0.01
     least_drift: float = 0.02
+    least_recordings: int = 3
     least_dates: int = 4
     least_fleet: int = 6
     robust_freedom: float = 0.37

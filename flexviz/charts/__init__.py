@@ -15,6 +15,7 @@ from flexviz.charts.chart import (
     thin,
     time_chart,
 )
+from flexviz.charts.figure import Figure
 from flexviz.charts.files import chart_csv, chart_name, charts_zip
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb
 from flexviz.charts.svg import FILE, PAGE, PICTURE, SvgTheme, draw_svg, limits

@@ -1,8 +1,8 @@
 """The command line: options, messages and exit codes, no computation here.
 
-Exit codes: 0 done, 1 ran but did not converge, 2 bad input or usage, 130 interrupted. Results go to
-standard output, progress and messages to standard error. Commands import what they need when they run, so
-that `flexviz --help` is quick.
+Exit codes: 0 done, 1 ran but did not converge or missed its limits, 2 bad input or usage, 130 interrupted.
+Results go to standard output, progress and messages to standard error. Commands import what they need when
+they run, so that `flexviz --help` is quick.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import gc
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from typing import Any
 
 import typer
 
@@ -26,6 +27,7 @@ from flexviz.cli.import_ import import_
 from flexviz.cli.options import with_shared_options
 from flexviz.cli.sessions import compare, session
 from flexviz.cli.simulate import simulate
+from flexviz.cli.verify import verify
 from flexviz.cli.viewing import review, serve
 from flexviz.errors import FlexvizError, one_line
 
@@ -50,6 +52,7 @@ for _command in (
     with_shared_options(effects),
     with_shared_options(report),
     with_shared_options(compare),
+    with_shared_options(verify),
     with_shared_options(session),
     with_shared_options(batch, own_effects=False),
     with_shared_options(study, own_effects=False),
@@ -83,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = app(args=arguments, prog_name="flexviz", standalone_mode=False)
     except FlexvizError as error:
         return _fail(str(error), error.exit_code)
-    except typer.TyperException as error:
+    except _usage_error() as error:
         return _fail(error.format_message(), EXIT_BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", EXIT_INTERRUPTED)
@@ -93,6 +96,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", EXIT_BAD_INPUT)
     return int(code or 0)
+
+
+def _usage_error() -> Any:
+    """What typer raises for a wrong command line: click's exception before typer 0.28."""
+    from importlib import import_module
+
+    return getattr(typer, "TyperException", None) or import_module("click").ClickException
 
 
 def _fail(message: str, code: int) -> int:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.loading import ReadMeanwhile, loading
+from flexviz.cli.loading import loading
 from flexviz.cli.options import (
     IdentificationOptions,
     JsonOption,
@@ -24,7 +25,9 @@ from flexviz.files import write_file
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
-    from flexviz.progress import Progress
+    from flexviz.measurements import MeasurementSet
+
+log = logging.getLogger(__name__)
 
 GuardOption = Annotated[
     bool | None,
@@ -68,7 +71,7 @@ def diagnose(
         None,
         "--free-curve/--no-free-curve",
         help='With --apply, after a last verdict of "unknown": also add a free curve of what no effect '
-        "explains, which is not physics. By default only where the effects were estimated beside one.",
+        "explains, which is not physics. By default only where the effects were estimated together with one.",
         show_default=False,
     ),
     decoys: DecoysOption = False,
@@ -83,39 +86,44 @@ def diagnose(
     from flexviz.parallel import on_cores, usable_cores
 
     if free_curve and not apply:
-        raise InputError("--free-curve adds a step to the model, expected --apply beside it")
+        raise InputError("--free-curve adds a step to the model, expected --apply with it")
     terminal.check_output_file(json_file, ".json")
     terminal.check_output_file(draft_effect, ".py", new=True)
-    with on_cores(usable_cores()):
-        reading = ReadMeanwhile(measurement_set)
-        with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
-            with loading():
-                from flexviz.diagnosis import diagnose as search
-                from flexviz.diagnosis import why_no_curve
-
-            def tell(news: Progress) -> None:
-                reading.warn()
-                report(news)
-
-            result = search(
-                reading.result(),
-                apply=apply,
-                guarded=guard,
-                free_curve=free_curve,
-                decoys=decoys,
-                progress=tell,
-                should_stop=should_stop,
-            )
-        reading.warn(wait=True)
+    cores = on_cores(usable_cores())
+    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
+        with loading():
+            from flexviz.diagnosis import diagnose as search
+            from flexviz.diagnosis import why_no_curve
+            from flexviz.importing import plausibility_warnings
+            from flexviz.measurements import read_set
+        measurements = read_set(measurement_set)
+        for text in plausibility_warnings(measurements):
+            log.warning("%s", text)
+        result = search(
+            measurements,
+            apply=apply,
+            guarded=guard,
+            free_curve=free_curve,
+            decoys=decoys,
+            progress=report,
+            should_stop=should_stop,
+        )
     if free_curve and (result.steps[-1].added is None or not result.steps[-1].added.stopgap):
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
     terminal.show(result.document())
-    terminal.write_json(json_file, result.to_dict(steps=apply))
+    terminal.write_json(json_file, result.to_dict(steps=apply) | hash_of(measurements))
     if result.verdict == "missing" and not apply and not result.stopped:
         terminal.note("to add the missing effects one by one and see how the error falls, use --apply")
     if draft_effect is not None:
         write_draft(result, draft_effect)
     return 130 if result.stopped else 0
+
+
+def hash_of(measurements: MeasurementSet) -> dict[str, str]:
+    """What ties a result to its data."""
+    from flexviz.measurements import fingerprint
+
+    return {"set_sha256": fingerprint(measurements).sha256}
 
 
 def write_draft(result: Diagnosis, file: Path) -> None:
@@ -147,9 +155,10 @@ def record(
 
     terminal.check_output_file(out, ".rrd", named=True)
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
-        measurements = read_selected(measurement_set, options)
+        settings = options.settings()
+        measurements = read_selected(measurement_set, settings)
         done = record_analysis(
-            measurements, out, add_missing=diagnose, progress=report, should_stop=stop, **options.arguments()
+            measurements, out, settings, add_missing=diagnose, progress=report, should_stop=stop
         )
     written = done.recorded
     state = "" if written.complete else ", stopped before everything was recorded"
@@ -169,6 +178,9 @@ def report(
     animation: Path | None = typer.Option(
         None, metavar="FILE.html", help="Also write the measured and the identified robot in motion."
     ),
+    require: Path | None = typer.Option(
+        None, metavar="LIMITS.toml", help="Also say which of these limits the result keeps, as in verify."
+    ),
 ) -> int:
     """Write a report on a set, after a full diagnosis, or on a saved session."""
     from flexviz.parallel import on_cores, usable_cores
@@ -180,7 +192,7 @@ def report(
     cores = on_cores(usable_cores())
     with Reporter(f"reading {source}") as progress, interruptible() as should_stop, cores:
         told = {"progress": progress, "should_stop": should_stop}
-        done = write_report(source, out, guard=guard, keep=keep, animation=animation, **told)
+        done = write_report(source, out, guard=guard, keep=keep, animation=animation, require=require, **told)
     if done.changed:
         terminal.note(f"the data have changed since the session was saved: {', '.join(done.changed)}")
     files = [out] if animation is None else [out, animation]

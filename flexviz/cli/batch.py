@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.options import IdentificationOptions, WorkOptions, parse_bandwidth
+from flexviz.cli.options import IdentificationOptions, WorkOptions
 from flexviz.cli.terminal import Reporter, interruptible
 from flexviz.errors import InputError
 
 if TYPE_CHECKING:
     from flexviz.batch import BatchOutcome, StudyOutcome
+    from flexviz.identification import FitSettings
 
 OutOption = Annotated[
     Path, typer.Option(metavar="RESULTS", help="Folder for the results: new, or that of an earlier run.")
@@ -45,7 +46,7 @@ def batch(
     """Identify and diagnose many measurement sets; go on where an earlier run ended."""
     from flexviz.batch import ClusterChoice, SetOptions, run_batch
 
-    what = SetOptions(**of_every_set(options), diagnosed=diagnose, limit=limit)
+    what = SetOptions(of_every_set(options), diagnosed=diagnose, limit=limit)
     where = ClusterChoice(work.workers, work.scheduler, work.patience)
     with Reporter(f"reading {source}") as report, interruptible("finished sets are kept") as should_stop:
         done = run_batch(
@@ -58,32 +59,27 @@ def batch(
     return 1 if any(row.state == "failed" for row in done.rows) else 0
 
 
-def of_every_set(options: IdentificationOptions) -> dict[str, Any]:
-    """What the identification of every set is told; InputError for what only a single one can be told."""
+def of_every_set(options: IdentificationOptions) -> FitSettings:
+    """How every set is identified; InputError for what only a single one can be told."""
     from flexviz.effects import named_effect
-    from flexviz.observers import make_observer
 
     if options.group or options.gains:
         name = "group" if options.group else "gains"
         raise InputError(f"--{name}: only of flexviz identify; here all sets are identified alike")
-    bandwidth = parse_bandwidth(options.bandwidth)
-    make_observer(options.observer, bandwidth)
-    for text in options.effect or ():
+    settings = options.settings()
+    for text in settings.effects:
         named_effect(text)
-    return {
-        "effects": tuple(options.effect or ()),
-        "observer": options.observer,
-        "bandwidth": tuple(bandwidth) if isinstance(bandwidth, list) else bandwidth,
-        "refine": options.refine,
-    }
+    return settings
 
 
 def lines(done: BatchOutcome) -> list[str]:
-    """Counts of states and verdicts, and where the results are."""
-    from flexviz.batch import counted_verdicts
+    """Counts of states and verdicts, what repeats, and where the results are."""
+    from flexviz.batch import counted_verdicts, repeatability, repeatability_lines
 
     out = [f"{len(done.rows)} sets: {counted_verdicts(done.rows)}", computed(done)]
     out += [f"failed: {row.set}: {row.error}" for row in done.rows if row.state == "failed"][:10]
+    for robot in repeatability(done.rows)[:10]:
+        out += repeatability_lines(robot)
     return [*out, f"{done.folder}: results.parquet, summary.html"]
 
 
@@ -118,7 +114,7 @@ def study(
 
     plan = StudyPlan(
         kind, source, runs, tuple(hide or ()), parameter, tuple(at or ()),
-        **of_every_set(options), diagnosed=diagnose, start=start, block=block,
+        fit=of_every_set(options), diagnosed=diagnose, start=start, block=block,
     )  # fmt: skip
     where = ClusterChoice(work.workers, work.scheduler, work.patience)
     with Reporter(f"study of {source}") as report, interruptible("finished runs are kept") as should_stop:

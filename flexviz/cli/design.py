@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexviz.cli import terminal
+from flexviz.cli.options import GravityOption, stated_gravity
 from flexviz.cli.terminal import Reporter, interruptible
+from flexviz.errors import InputError
+
+if TYPE_CHECKING:
+    from flexviz.designing import DesignSettings
+    from flexviz.simulation import Plan
 
 
 def design(
@@ -43,6 +49,10 @@ def design(
         "--beside/--alone",
         help="Count the groups that the set has already. Default: only with --separate.",
     ),
+    static: bool = typer.Option(
+        False, "--static", help="A static test for stiffness instead: pushes against a clamp, and weights."
+    ),
+    gravity: GravityOption = None,
     seed: int = typer.Option(0, metavar="N", min=0, help="Seed of the search."),
 ) -> int:
     """Choose motions and payloads from which parameters, or a missing effect, are learned best."""
@@ -54,19 +64,46 @@ def design(
         check_free(out)
         groups = 1 if groups is None and separate and settings is None else groups
         chosen = settings_from(settings, {"groups": groups, "duration": duration}, floor)
+        subject = mounted(robot, stated_gravity(gravity))
+        if static:
+            return _static(subject, effect or (), chosen, settings, seed, out, report)
         with interruptible("the best groups so far are kept") as should_stop:
             found = search(
-                robot,
-                parameters=parameter or (),
-                separate=separate or (),
-                effects=effect or (),
-                settings=chosen,
-                settings_file=settings,
-                beside=beside,
-                seed=seed,
-                progress=report,
+                subject, parameters=parameter or (), separate=separate or (), effects=effect or (),
+                settings=chosen, settings_file=settings, beside=beside, seed=seed, progress=report,
                 should_stop=should_stop,
-            )
+            )  # fmt: skip
             write_design(found, out)
     terminal.print_lines([*summary_lines(found), f"written to {out}"])
     return 130 if found.stopped else 0
+
+
+def _static(
+    robot: str | Plan,
+    effects: list[str] | tuple[str, ...],
+    settings: DesignSettings,
+    file: Path | None,
+    seed: int,
+    out: Path,
+    report: Reporter,
+) -> int:
+    """A static test instead of motions."""
+    from flexviz.designing import design_static, static_lines, subject_of, write_static
+
+    with interruptible("nothing is written") as should_stop:
+        subject = subject_of(robot, effects, progress=report, should_stop=should_stop)
+    found = design_static(subject, settings, seed, file)
+    write_static(found, out)
+    terminal.print_lines([*static_lines(found), f"written to {out}"])
+    return 0
+
+
+def mounted(robot: str, gravity: tuple[float, float, float] | None) -> str | Plan:
+    """A robot that is known by its URDF or as a preset, under this gravity [m/s²]; None: as it is."""
+    if gravity is None:
+        return robot
+    from flexviz.simulation import make_plan
+
+    if Path(robot).is_dir():
+        raise InputError("--gravity applies to a URDF or preset, but a set states its own", file=robot)
+    return make_plan(robot, gravity=gravity)

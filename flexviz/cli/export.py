@@ -21,7 +21,9 @@ def export(
     out: Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder to write to.")],
     options: IdentificationOptions,
     to: list[str] | None = typer.Option(
-        None, metavar="FORMAT", help="urdf, mjcf, yaml, json, c or python; repeat for more; default: all."
+        None,
+        metavar="FORMAT",
+        help="urdf, mjcf, yaml, json, c, python, table; repeat for more; default: all.",
     ),
     result: Path | None = typer.Option(
         None,
@@ -32,7 +34,7 @@ def export(
         None, metavar="NAME", help="The robot carries this payload of the set."
     ),
 ) -> int:
-    """Write the identified robot as URDF, MJCF, parameter files, and C and Python code for feed-forward.
+    """Write the identified robot as URDF, MJCF, parameter files, and code and tables for feed-forward.
 
     Writes the result in FILE, or the current result of a session. A set without FILE is identified first,
     using the identification options.

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.options import FormatOption, JsonOption
+from flexviz.cli.options import FormatOption, GravityOption, JsonOption, stated_gravity
 from flexviz.errors import InputError
 from flexviz.files import write_file
-from flexviz.statistics import NORMAL_95
 
 if TYPE_CHECKING:
-    from flexviz.importing import Imported, Inspection, Person
+    from flexviz.importing import Imported, Inspection, Mapping, Person
 
 INCOMPLETE = 1  # a mapping was written, but something in it must still be filled in
 REFUSED = 2  # nothing was written because the data contradict the mapping
@@ -39,11 +38,12 @@ def import_(
     mapping: Path | None = typer.Option(
         None, metavar="FILE", help="With logs: write the mapping drafted from them to this file."
     ),
+    gravity: GravityOption = None,
     table_format: FormatOption = "parquet",
     yes: bool = typer.Option(
         False, "--yes", help="Ask nothing, and write the set even if something looks wrong."
     ),
-    mend: bool = typer.Option(False, "--mend", help="Set the keys that are proposed for the samples."),
+    mend: bool = typer.Option(False, "--mend", help="Set the keys that are proposed."),
     json_file: JsonOption = None,
 ) -> int:
     """Convert logs to a measurement set.
@@ -61,20 +61,17 @@ def import_(
         terminal.check_new_folder(out, table_format)
     check_source(source, robot, mapping)
     asking = not yes and sys.stdin.isatty() and sys.stderr.isatty()  # before the live line takes stderr
-    with (
-        terminal.Reporter("importing") as report,
-        terminal.interruptible("nothing is written") as should_stop,
-    ):
+    with terminal.Reporter("importing") as report, terminal.interruptible("nothing is written") as stop:
+        run: dict[str, Any] = {"progress": report, "should_stop": stop}
         if robot is None:
-            file, content = source[0], read_mapping(source[0])
+            file, content = source[0], under(read_mapping(source[0]), stated_gravity(gravity))
         else:
             asked = person(report) if asking else None
-            found = inspect_logs(source, robot, questions=asked, progress=report, should_stop=should_stop)
+            found = inspect_logs(source, robot, gravity=stated_gravity(gravity), questions=asked, **run)
             show_draft(found, mapping, checked_only=out is None)
             if found.draft.missing or out is None:
                 return INCOMPLETE if found.draft.missing else 0
             file, content = Path("mapping"), found.draft.mapping()
-        run: dict[str, Any] = {"progress": report, "should_stop": should_stop}
         done = import_logs(
             file, out, mapping=content, table_format=table_format, accept=yes, mend=mend, **run
         )
@@ -82,6 +79,11 @@ def import_(
         terminal.write_json(json_file, done.to_json())
     terminal.print_lines(summary(done, out))
     return REFUSED if done.wrong and not yes else 0
+
+
+def under(mapping: Mapping, gravity: tuple[float, float, float] | None) -> Mapping:
+    """The mapping with this gravity [m/s²] instead of what it states; None: as it is."""
+    return mapping if gravity is None else mapping.model_copy(update={"gravity": list(gravity)})
 
 
 def check_source(source: list[Path], robot: str | None, mapping: Path | None) -> None:
@@ -116,7 +118,7 @@ def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) ->
     where = f" in {file}" if file else "; --mapping FILE writes what is known to a file"
     terminal.print_lines([f"to be filled in{where}: {line}" for line in draft.missing])
     if file is not None and checked_only and not draft.missing:
-        terminal.print_lines([f"{file}: read and correct it, then flexviz import {file} --out SET"])
+        terminal.print_lines([f"{file} written: check it, then run flexviz import {file} --out SET"])
 
 
 def person(report: terminal.Reporter) -> Person:
@@ -139,6 +141,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     lines = []
     for group in done.groups:
         time, use = group.table.time, "validation" if group.entry.validation else "fit"
+        use = "static test" if group.entry.kind == "holds" else use
         usual, mean = 1 / float(np.median(np.diff(time))), (len(time) - 1) / float(time[-1] - time[0])
         rate = f"{usual:.5g} Hz"
         if abs(mean - usual) > UNEVEN * usual:
@@ -152,15 +155,11 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         )
         lines += [f"  {note}" for note in group.notes]
     lines += [f"set as proposed: {text}" for text in done.mended]
-    for o in done.offsets:
-        size = f"{1e3 * abs(o.delay):.3f} ± {1e3 * NORMAL_95 * o.std:.2g} ms"
-        lines.append(
-            f'{o.group}: clock of "{o.clock}" {size} {"behind" if o.delay > 0 else "ahead of"} that of theta'
-        )
+    lines += [f'{o.group}: clock of "{o.clock}" {o.text}' for o in done.offsets]
     if done.delay is not None:
         joint, least = done.delay.worst
         lines.append(
-            f"the recorded torque acts {done.delay.text}; the flexible-joint model explains "
+            f"{done.delay.text}; the flexible-joint model explains "
             f"{100 * done.delay.share:.2f} % of all torques and {100 * max(least, 0.0):.2f} % of that "
             f"of {joint}"
         )

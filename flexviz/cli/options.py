@@ -17,7 +17,7 @@ from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
     from flexviz.cli.terminal import Reporter
-    from flexviz.identification import Identification
+    from flexviz.identification import FitSettings, Identification
     from flexviz.measurements import MeasurementSet
     from flexviz.observers import EsoGains
 
@@ -32,6 +32,15 @@ FormatOption = Annotated[
     str, typer.Option("--format", metavar="parquet|csv", help="Kind of the set's tables.")
 ]
 BrowserOption = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")]
+GravityOption = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        "--gravity",
+        metavar="X Y Z",
+        help="Gravity [m/s²] in the base's frame, of a robot on a wall or under a ceiling. "
+        "Default: as stated, else 0 0 -9.81.",
+    ),
+]
 EffectsFromOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -41,6 +50,13 @@ EffectsFromOption = Annotated[
         "Repeat for more.",
     ),
 ]
+
+
+def stated_gravity(given: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+    """The value of `--gravity`; InputError where it is impossible."""
+    from flexviz.mounting import checked_gravity
+
+    return None if given is None else checked_gravity(given, "--gravity")
 
 
 @dataclass(frozen=True)
@@ -80,19 +96,25 @@ class IdentificationOptions:
         ),
     ] = None
     refine: Annotated[
-        bool, typer.Option("--refine", help="Remove the observer's bias in a second stage.")
-    ] = False
+        bool,
+        typer.Option(
+            "--refine/--quick",
+            help="Remove the observer's bias in a second stage, or leave it in values and intervals.",
+        ),
+    ] = True
 
-    def arguments(self) -> dict[str, Any]:
-        """Keyword arguments of `flexviz.identification.identify`."""
-        return {
-            "groups": self.group,
-            "effects": self.effect or [],
-            "observer": self.observer,
-            "bandwidth": parse_bandwidth(self.bandwidth),
-            "gains": parse_gains(self.gains),
-            "refine": self.refine,
-        }
+    def settings(self) -> FitSettings:
+        """The same as one record."""
+        from flexviz.identification import FitSettings
+
+        return FitSettings(
+            groups=None if self.group is None else tuple(self.group),
+            effects=tuple(self.effect or ()),
+            observer=self.observer,
+            bandwidth=parse_bandwidth(self.bandwidth),
+            gains=parse_gains(self.gains),
+            refine=self.refine,
+        )
 
 
 @dataclass(frozen=True)
@@ -152,24 +174,22 @@ def with_shared_options(command: Callable[..., int], own_effects: bool = True) -
     return run
 
 
-def read_selected(path: Path, options: IdentificationOptions) -> MeasurementSet:
-    """Read a measurement set and check the options against it."""
+def read_selected(path: Path, settings: FitSettings) -> MeasurementSet:
+    """Read a measurement set and check the settings against it."""
     from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
-    from flexviz.observers import make_observer
+    from flexviz.schemas import shown
 
-    bandwidth = parse_bandwidth(options.bandwidth)
-    # refuse a wrong name before reading long files
-    make_observer(options.observer, bandwidth, parse_gains(options.gains))
+    bandwidth = settings.bandwidth
     measurements = read_set(path)
     where, joints = measurements.name, measurements.joints
     groups = {g.name: g for g in measurements.groups}
-    for name in options.group or []:
+    for name in settings.groups or ():
         if name not in groups:
-            raise InputError(f"--group {name}: no such group in {where}; {choose_from(name, groups)}")
+            raise InputError(f"--group {shown(name)}: no such group in {where}; {choose_from(name, groups)}")
         if groups[name].validation:
-            raise InputError(f"--group {name}: is kept for validation in {where} and is never fitted")
-    if isinstance(bandwidth, list) and len(bandwidth) != len(joints):
+            raise InputError(f"--group {shown(name)}: is kept for validation in {where} and is never fitted")
+    if isinstance(bandwidth, tuple) and len(bandwidth) != len(joints):
         raise InputError(
             f"--bandwidth has {len(bandwidth)} numbers; {where} has {len(joints)} joints: {', '.join(joints)}"
         )
@@ -183,9 +203,9 @@ def run_identification(
     with loading():
         from flexviz.identification import identify
 
-    measurements = read_selected(path, options)
-    arguments = options.arguments()
-    return measurements, identify(measurements, progress=report, should_stop=should_stop, **arguments)
+    settings = options.settings()  # refuses a wrong name before long files are read
+    measurements = read_selected(path, settings)
+    return measurements, identify(measurements, settings, progress=report, should_stop=should_stop)
 
 
 def exit_code(result: Identification) -> int:
@@ -195,12 +215,12 @@ def exit_code(result: Identification) -> int:
     return 0 if result.converged else 1
 
 
-def parse_bandwidth(text: str | None) -> float | list[float] | None:
+def parse_bandwidth(text: str | None) -> float | tuple[float, ...] | None:
     """One number or one per joint, comma separated [rad/s]; None if not given."""
     if text is None:
         return None
     values = positive_numbers("--bandwidth", text, "one in rad/s or one per joint: 40,60")
-    return values[0] if len(values) == 1 else values
+    return values[0] if len(values) == 1 else tuple(values)
 
 
 def parse_gains(text: str | None) -> EsoGains | None:

@@ -82,18 +82,31 @@ def lines(opened: OpenedSession) -> list[str]:
 
 def compare(
     sessions: Annotated[
-        list[Path], typer.Argument(metavar="SESSION…", help="Two or more folders with session.json.")
+        list[Path],
+        typer.Argument(
+            metavar="SESSION…",
+            help="Two or more folders with session.json; or a set without and one with compensation.",
+        ),
     ],
     all_parameters: bool = typer.Option(
         False, "--all", help="Also show single inertial parameters, which are seldom identifiable."
     ),
     json_file: JsonOption = None,
 ) -> int:
-    """Compare the final results of saved sessions."""
+    """Compare the final results of saved sessions, or the friction of two recordings of a robot.
+
+    Of two measurement sets, the first without and the second with a compensation of friction, both are
+    diagnosed: what was removed, per joint and speed, and what is left.
+    """
     from flexviz.session import compare as compare_sessions
-    from flexviz.session import open_session
+    from flexviz.session import is_session, open_session
 
     terminal.check_output_file(json_file, ".json")
+    if len(sessions) == 2 and not any(map(is_session, sessions)):
+        from flexviz.cli.compensation import compare_sets
+
+        without, compensated = sessions
+        return compare_sets(without, compensated, json_file)
     for path in sessions:
         check_session(path)
     found = compare_sessions([open_session(path) for path in sessions])

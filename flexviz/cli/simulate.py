@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.options import FormatOption
+from flexviz.cli.options import FormatOption, GravityOption, stated_gravity
 
 if TYPE_CHECKING:
     from flexviz.simulation import SimulatedSet
@@ -32,6 +32,13 @@ def simulate(
     temperature: list[float] | None = typer.Option(
         None, metavar="T", help="Temperature [°C] that each group states, in their order; one: of all groups."
     ),
+    gravity: GravityOption = None,
+    compensate: Path | None = typer.Option(
+        None,
+        metavar="FRICTION.csv",
+        help="Table of friction that the controller compensates, from export --to table; the recorded "
+        "torque is without it.",
+    ),
     seed: int = typer.Option(0, metavar="N", min=0, help="Seed of the measurement noise."),
     table_format: FormatOption = "parquet",
 ) -> int:
@@ -39,6 +46,7 @@ def simulate(
     with terminal.Reporter(f"simulating {preset}") as report:
         from flexviz.simulation import simulate_preset
 
+        mounted = stated_gravity(gravity)
         terminal.check_new_folder(out, table_format)
         with terminal.interruptible("nothing is written") as should_stop:
             done = simulate_preset(
@@ -50,6 +58,8 @@ def simulate(
                 progress=report,
                 should_stop=should_stop,
                 temperatures=temperature or (),
+                gravity=mounted,
+                compensate=compensate,
                 table_format=table_format,
             )
     terminal.print_lines(summary(done))

@@ -171,7 +171,7 @@ class Reporter:
 
 @contextmanager
 def interruptible(consequence: str = "what was found so far is kept") -> Iterator[StopCallback]:
-    """A `should_stop` that turns true at the first Ctrl+C; a second one interrupts at once."""
+    """A `should_stop` that turns true at the first Ctrl+C or SIGTERM; a second one interrupts at once."""
     asked = threading.Event()
 
     def on_interrupt(number: int, frame: FrameType | None) -> Any:
@@ -184,8 +184,10 @@ def interruptible(consequence: str = "what was found so far is kept") -> Iterato
     if threading.current_thread() is not threading.main_thread():
         yield asked.is_set
         return
-    previous = signal.signal(signal.SIGINT, on_interrupt)
+    # schedulers and `timeout` send SIGTERM
+    previous = {number: signal.signal(number, on_interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield asked.is_set
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -181,9 +181,17 @@ def serve(
         help="Address to listen on; beyond this machine a token is needed, which is printed.",
     ),
     browser: BrowserOption = True,
+    public_host: list[str] | None = typer.Option(
+        None,
+        metavar="NAME",
+        help="Name by which a proxy before it is reached; a token is then needed, which is printed. "
+        "Repeat for more.",
+    ),
 ) -> int:
     """Show measured and identified motion side by side in the browser; Ctrl+C ends it."""
+    from flexviz import STARTED
     from flexviz.app import serve as run
 
-    run(source, host=host, port=port, open_browser=browser)
+    names = tuple(public_host or ())
+    run(source, host=host, port=port, open_browser=browser, public_host=names, since=STARTED)
     return 0

@@ -98,6 +98,10 @@ def design(
 ) -> Design:
     """Choose trajectory–payload groups within the robot's limits.
 
+    A motion is a finite Fourier series per joint. With the equation's Jacobian J along the predicted run and
+    the spectrum S of its noise, a group's information is Σ Jᴴ S⁻¹ J; it adds up over groups. Minimised is the
+    trace or log det of the parameters' covariance, or maximised the gain that decides between two effects.
+
     Args:
         source: a measurement set, its folder, a preset of the simulator, a `.urdf`, or a plan. A set is
             identified first; the model of the others is that of their simulation.

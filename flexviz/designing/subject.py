@@ -10,7 +10,7 @@ import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.errors import Cancelled, InputError
-from flexviz.identification import identify
+from flexviz.identification import FitSettings, identify
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
@@ -87,6 +87,7 @@ class Subject:
             effects=(),
             payloads=self.payloads,
             groups=tuple(made),
+            torque="motor" if self.model.motor_inertia.any() else "joint",
         )
 
 
@@ -135,7 +136,8 @@ def _of_set(
     """The subject with the models identified from its set."""
     models = []
     for variant in variants:
-        found = identify(measurements, effects=variant, progress=progress, should_stop=should_stop)
+        quick = FitSettings(effects=tuple(variant), refine=False)
+        found = identify(measurements, quick, progress=progress, should_stop=should_stop)
         if should_stop():
             raise Cancelled
         if not np.isfinite(found.covariance).all() or not all(np.isfinite(p.value) for p in found.parameters):

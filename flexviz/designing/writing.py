@@ -137,7 +137,7 @@ def summary_lines(design: Design) -> list[str]:
         used = ", ".join(f"{one.limit} {100 * one.share:.0f} %" for one in group.used[:MOST_LIMITS])
         lines.append(f"  {planned.name}: payload {planned.payload}, {planned.duration:g} s; uses {used}")
     if design.beside:
-        lines.append(f"  beside the recorded groups {', '.join(design.beside)}")
+        lines.append(f"  together with the recorded groups {', '.join(design.beside)}")
     lines.append("")
     unit = f" {design.unit}" if design.unit else ""
     random = f"a random motion within the limits {design.before:.3g}{unit}"

@@ -15,43 +15,25 @@ from flexviz.diagnosis.prediction_errors import (
 )
 from flexviz.diagnosis.residual_location import locate_residual, maps_of
 from flexviz.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
-from flexviz.diagnosis.result import Diagnosis, EffectParameter, Evidence, Finding, Step
+from flexviz.diagnosis.result import Diagnosis, Evidence, Finding, Step
 from flexviz.diagnosis.so_far import BestModel
-from flexviz.results import (
-    Absorbed,
-    BandwidthCheck,
-    Family,
-    FreeCurve,
-    Move,
-    ParameterCurve,
-    ResidualLocation,
-    ResidualMap,
-    Tie,
-)
+from flexviz.results import BandwidthCheck, ParameterCurve
 
 __all__ = [
     "BAND_HERTZ",
     "DIRECTED",
     "DIRECTION_GAIN",
-    "Absorbed",
     "BandwidthCheck",
     "BestModel",
     "CurveDraft",
     "Diagnosis",
-    "EffectParameter",
     "Evidence",
-    "Family",
     "Finding",
     "Fit",
     "FitContext",
-    "FreeCurve",
-    "Move",
     "ParameterCurve",
     "PredictionErrors",
-    "ResidualLocation",
-    "ResidualMap",
     "Step",
-    "Tie",
     "TorqueOverTime",
     "check_bandwidth",
     "diagnose",

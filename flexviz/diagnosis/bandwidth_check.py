@@ -36,9 +36,10 @@ from flexviz.estimation import (
     solve,
     start_values,
 )
-from flexviz.identification import Combination, ParameterEstimate, combinations, parameter_estimates
+from flexviz.identification import combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import FlatZeroPhase
+from flexviz.records import Combination, ParameterEstimate
 from flexviz.results import BandwidthCheck, ParameterCurve
 from flexviz.statistics import NORMAL_95
 

@@ -44,7 +44,11 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
         effect = EFFECTS[place.effect]
         beside = not effect.beside or any((e.effect, e.joint) == (effect.beside, place.joint) for e in have)
         warm = not effect.by_temperature or place.joint in warmed
-        return beside and warm and place not in have and (place.effect, place.joint) not in replaced
+        turns = layout.motors or effect.behind_gear
+        possible = turns and layout.can_have(place)
+        return (
+            beside and warm and possible and place not in have and (place.effect, place.joint) not in replaced
+        )
 
     places = (
         ChosenEffect(name, target.joint, target.group, target.payload)
@@ -58,7 +62,7 @@ def with_effects(fit: Fitted, values: Mapping[ChosenEffect, Array]) -> Known:
     """The model with effects at some values, without those that they replace on their joints."""
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in values}
     kept = [e for e in fit.layout.effects if (e.effect, e.joint) not in replaced]
-    layout = Layout(fit.layout.joints, (*kept, *(e for e in values if e not in kept)))
+    layout = fit.layout.with_effects((*kept, *(e for e in values if e not in kept)))
     x = layout.vector(fit.layout.model(fit.x))
     for effect, value in values.items():
         x[layout.effect_slice(effect)] = value
@@ -66,7 +70,7 @@ def with_effects(fit: Fitted, values: Mapping[ChosenEffect, Array]) -> Known:
 
 
 def with_candidates(fit: Fitted, chosen: Sequence[ScoredCandidate]) -> Known:
-    """The model with candidates at their scored values, springs beside an offset."""
+    """The model with candidates at their scored values, springs where there is an offset."""
     larger = with_effects(fit, {s.effect: s.values for s in chosen})
     springs = (s.effect for s in chosen if EFFECTS[s.effect.effect].offset_parameter)
     offsets = (ChosenEffect(OFFSET, spring.joint) for spring in springs)
@@ -75,7 +79,7 @@ def with_candidates(fit: Fitted, chosen: Sequence[ScoredCandidate]) -> Known:
 
 def without(layout: Layout, effects: Collection[ChosenEffect]) -> Layout:
     """A layout without some effects."""
-    return Layout(layout.joints, tuple(e for e in layout.effects if e not in effects))
+    return layout.with_effects(e for e in layout.effects if e not in effects)
 
 
 def without_effects(fit: Fitted, effects: Collection[ChosenEffect]) -> Known:
@@ -93,7 +97,7 @@ def rows_without_curves(layout: Layout) -> NDArray[np.intp]:
 
 
 def without_curves(fit: Fitted) -> Known:
-    """A fitted model without the free curves beside which it was estimated."""
+    """A fitted model without the free curves with which it was estimated."""
     layout = without(fit.layout, [*filter(is_curve, fit.layout.effects)])
     return Known(layout, fit.x[rows_without_curves(fit.layout)])
 
@@ -102,10 +106,12 @@ def usual_model(context: MotionContext, own: Layout, beside: Fitted | None = Non
     """Every usual effect on every joint, at small sizes; `beside`: a model whose effects are kept."""
     have = own.effects if beside is None else beside.layout.effects
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in have}
-    names, joints = (name for name, law in EFFECTS.items() if law.usual), range(own.n)
+    shown = (name for name, law in EFFECTS.items() if law.usual and (own.motors or law.behind_gear))
+    names, joints = shown, range(own.n)
     usual = (ChosenEffect(name, joint) for name in names for joint in joints)
-    more = (e for e in usual if e not in have and (e.effect, e.joint) not in replaced)
-    layout = Layout(own.joints, (*have, *more))
+    more = (e for e in filter(own.can_have, usual)
+            if e not in have and (e.effect, e.joint) not in replaced)  # fmt: skip
+    layout = own.with_effects((*have, *more))
     start = context.start(layout).x
     x = start.copy() if beside is None else layout.vector(beside.layout.model(beside.x))
     for effect, where in layout.effect_slices():
@@ -121,8 +127,8 @@ def scale(context: MotionContext, joint: int, layout: Layout, x: Array) -> Joint
     """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""
     signals = context.signals
     torque, speed = (float(np.sqrt(np.mean(v[:, joint] ** 2))) for v in (signals.tau[0], signals.theta[1]))
-    compliance, inertia = x[layout.compliance], x[layout.motor_inertia]
-    softness, viscous = float(compliance[joint]), x[layout.link_viscous] + x[layout.motor_viscous]
+    compliance, (inertia, on_motor) = x[layout.compliance], layout.motor_side(x)
+    softness, viscous = float(compliance[joint]), x[layout.link_viscous] + on_motor
     return JointScale(
         torque=torque, speed=speed, deflection=torque * softness, stiffness=1 / softness,
         motor_inertia=float(inertia[joint]), neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
@@ -132,7 +138,7 @@ def scale(context: MotionContext, joint: int, layout: Layout, x: Array) -> Joint
 
 
 def offsets_of_springs(layout: Layout) -> frozenset[ChosenEffect]:
-    """Torque offsets beside a spring, whose rest angle they stand for during the search.
+    """Torque offsets on a joint with a spring, whose rest angle they stand for during the search.
 
     k (q − q₀) with both free is singular where k is small; k (q − q̄) and an offset are linear.
     """
@@ -166,7 +172,7 @@ def credible(fit: Judged, effect: ChosenEffect, raw_step: float, values: Array |
     """
     layout, joint = fit.layout, effect.joint or 0
     values = fit.x[layout.effect_slice(effect)] if values is None else values
-    viscous = float(fit.x[layout.motor_viscous][joint] + fit.x[layout.link_viscous][joint])
+    viscous = float(layout.motor_side(fit.x)[1][joint] + fit.x[layout.link_viscous][joint])
     top_speed = float(np.max(np.abs(fit.velocity[:, joint])))
     evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed)
     return EFFECTS[effect.effect].credible(values, evidence)

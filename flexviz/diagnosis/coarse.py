@@ -35,7 +35,11 @@ CoarseModel = Model[MotionFit]
 
 
 class Coarse(Resolution[MotionFit]):
-    """Models of one set in the band of the motion."""
+    """Models of one set in the band of the motion.
+
+    Each joint is weighted by what its model leaves, σ² = noise + m, and large residuals count linearly: an
+    incomplete model of a real robot is judged by its own error instead of by sensors far better than it.
+    """
 
     name = "coarse"
 
@@ -71,7 +75,7 @@ class Coarse(Resolution[MotionFit]):
         return model.fit.towards(x, smaller)
 
     def with_rest_angles(self, model: CoarseModel) -> CoarseModel:
-        """The model with torque offsets beside a spring turned into the spring's rest angle."""
+        """The model with torque offsets on a joint with a spring turned into the spring's rest angle."""
         merged = with_offsets_merged(model.fit, self.own)
         return model if merged.layout == model.layout else self.fit(merged.layout, merged.x)
 
@@ -176,7 +180,7 @@ class Coarse(Resolution[MotionFit]):
         offsets = offsets_of_springs(fit.layout) - set(self.own.effects)
         gone = {offset.joint: offset for offset in offsets if offset.joint in springs}
         kept = without(fit.layout, gone.values()).effects
-        layout = Layout(fit.layout.joints, tuple(pairs.get(e, e) for e in kept))
+        layout = fit.layout.with_effects(pairs.get(e, e) for e in kept)
         x = layout.vector(values.layout.model(values.fit.x))
         for old, new in pairs.items():
             if new not in values.layout.effects:
@@ -250,15 +254,15 @@ class Coarse(Resolution[MotionFit]):
         much = self.significant(model)
         order = map(int, np.argsort(-model.likelihood.deviation / self.floor))
         joints = [j for j in order if much[j] and j not in taken]
-        return [partial(self.beside_curve, joint=j) for j in joints[: THRESHOLDS.search.unknown_places]]
+        return [partial(self.with_curve, joint=j) for j in joints[: THRESHOLDS.search.unknown_places]]
 
-    def beside_curve(self, model: CoarseModel, joint: int) -> CoarseModel:
-        """The model with the free curve of a joint that explains most, and what is needed beside it."""
+    def with_curve(self, model: CoarseModel, joint: int) -> CoarseModel:
+        """The model with the free curve of a joint that explains most, and what is needed given it."""
         curve, promised = best_curve(model.fit, joint)
         if 0.5 * promised / model.likelihood.times[joint] < self.least():
             return model
         self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
-        layout = Layout(model.layout.joints, (*model.layout.effects, curve))
+        layout = model.layout.with_effects((*model.layout.effects, curve))
         start = self.fit(layout, layout.vector(model.layout.model(model.fit.x)))
         return self.pruned(self.rich(start))
 

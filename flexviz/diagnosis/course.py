@@ -16,7 +16,7 @@ from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search, Tried
-from flexviz.diagnosis.so_far import Standing
+from flexviz.diagnosis.so_far import BestModelTracker
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
 from flexviz.effects import ChosenEffect
@@ -48,7 +48,7 @@ class SearchEnd:
 
     @property
     def curves(self) -> tuple[ChosenEffect, ...]:
-        """Free curves beside which the model was estimated."""
+        """Free curves with which the model was estimated."""
         return tuple(filter(is_curve, self.coarse.layout.effects))
 
 
@@ -70,7 +70,7 @@ class Course:
         self.pace, self.news = Pace(STAGE_SHARES), Progress()
         self.own = layout_of(measurements)
         self.band = PredictionErrorBand(measurements)
-        self.standing = Standing(self.own, self.band)
+        self.best_model = BestModelTracker(self.own, self.band)
         context = MotionContext(measurements, self.own.joints, stand_ins=True)
         self.view = Coarse(context, self.own, self.say)
         self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
@@ -92,7 +92,7 @@ class Course:
 
     def fitted(self, fit: Fitted, first_phase: Phases | None = None) -> None:
         """Report a model if it is the best so far."""
-        if self.progress is not None and (best := self.standing.news(fit, first_phase)) is not None:
+        if self.progress is not None and (best := self.best_model.news(fit, first_phase)) is not None:
             self.news = replace(self.news, so_far=best)
             self.progress(self.news)
 

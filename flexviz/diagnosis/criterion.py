@@ -79,7 +79,10 @@ def likelihood(
     times: Array | None = None,
     fixed: bool = False,
 ) -> Likelihood:
-    """Likelihood of a model from its residuals.
+    """Likelihood of a model from its residuals: Σ ρ(|r|/σ) + log σ per joint, σ² = Σ_noise + m.
+
+    The variance m ≥ 0 of a joint's model error takes its most likely value, so that σ is what the residual
+    shows where it is above the noise. ρ is half the square, or Huber's loss.
 
     Args:
         parts: the fit groups, and the validation groups if there are any.
@@ -183,11 +186,12 @@ class Gain:
 
 
 def gain(before: Likelihood, after: Likelihood, tried: int = 0, trace: float = 0.0) -> Gain:
-    """What a move from one model to another gains.
+    """What a move from one model to another gains: Δ = J(before) − J(after) − cost.
 
-    Where the better model leaves noise alone, its distribution is known, and a gain Δ has the variance 2 Δ of
-    a log likelihood ratio. Where it leaves a model error, only the scatter between stretches tells how surely
-    Δ would be gained again. Between these, each counts by its share of the residual's variance.
+    The cost is log(candidates / α) for the best of many, which gains by chance, and ½ log(samples) for each
+    further parameter, as in the BIC. Where the better model leaves noise alone, Δ has the variance 2 Δ of a
+    log likelihood ratio. Where it leaves a model error, the scatter between stretches tells how surely Δ
+    would be gained again. Between these, each counts by its share of the residual's variance.
 
     Args:
         before, after: likelihoods of the models, over the same stretches.
@@ -238,7 +242,7 @@ def confidence(found: Gain, left: float) -> float:
     """Probability that an effect is the right one, or tied with it, against "none of these".
 
     The odds of "none of these" fall with what the effect gains beyond its cost; what no effect of the library
-    describes on its joint, `left` [nats], may imitate it, the more likely the more it is.
+    describes on its joint, `left` [nats], may stand in for it, the more likely the more it is.
     """
     sure = (found.delta - LIMITS.deviations * found.error) / LIMITS.temperature
     none = float(np.exp(-np.clip(sure, -30.0, 30.0)))

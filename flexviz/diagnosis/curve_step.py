@@ -17,11 +17,11 @@ from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
 from flexviz.effects import EFFECTS, ChosenEffect, CurveForm, draft_effect, free_curve
-from flexviz.equation import Layout
+from flexviz.equation import layout_of
 from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.results import curve_tables
+from flexviz.records import curve_tables
 from flexviz.wording import SearchStage, percent
 
 # kinds of notes that are renewed, or are of the model without the curve
@@ -66,14 +66,15 @@ def with_free_curve(
     assert curve is not None and model is not None
     joints, tell_nothing = measurements.joints, partial(tell, "")
     with threadpool_limits(1, "blas"):
-        own = Layout(joints, tuple(ChosenEffect.of(value, joints) for value in model.effects))
+        chosen = (ChosenEffect.of(value, joints) for value in model.effects)
+        own = layout_of(measurements).with_effects(chosen)
         context, band = MotionContext(measurements, joints), PredictionErrorBand(measurements)
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
         tell(SearchStage.FREE_CURVE)
         larger = [ChosenEffect(name, joints.index(curve.joint)) for name in curve.effects]
-        layouts = [Layout(joints, (*own.effects, effect)) for effect in larger]
+        layouts = [own.with_effects((*own.effects, effect)) for effect in larger]
         fits = [context.fit(one, one.vector(model), check=tell_nothing) for one in layouts]
         after = min(fits, key=lambda fit: fit.objective)
         layout = after.layout

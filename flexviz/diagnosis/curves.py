@@ -31,7 +31,7 @@ from flexviz.diagnosis.residuals import (
 from flexviz.effects import FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import CONSTANTS, DIRECTIONS, NODES, SIZE
 from flexviz.estimation import WIDE_HERTZ, spectral_covariance
-from flexviz.results import FreeCurve, ResidualLocation
+from flexviz.records import FreeCurve, ResidualLocation
 
 Array = NDArray[np.float64]
 

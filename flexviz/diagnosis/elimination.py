@@ -57,7 +57,7 @@ class Elimination:
     """Result of an elimination: the effects that stay, and the start of a fit without the others.
 
     Attributes:
-        kept: what each effect gains beside the others.
+        kept: what each effect gains given the others.
         dropped: effects left out, in this order, with what each gained when it was dropped.
         x: shape (P,), parameters of the full layout with the dropped effects at zero.
     """
@@ -90,7 +90,7 @@ def eliminate(
         covariance = _inverse(data.hessian, held)
         moves = {effect: _move(now, effect, where, covariance) for effect, where in left.items()}
         found = _gains(now, moves, tried, trace)
-        stay = firm(Layout(data.layout.joints, tuple(left)))
+        stay = firm(data.layout.with_effects(left))
         weak = [e for e, g in found.items() if e not in stay and (e in impossible or not g.accepted)]
         if not weak:
             return Elimination(found, dropped, now.x)
@@ -113,8 +113,9 @@ def _joint_move(
     rows = np.concatenate([np.arange(where.start, where.stop, dtype=np.intp) for where in places])
     target = np.zeros(len(data.x))
     # without an effect in proportion to the motor's viscous friction, that friction cannot stand in for it
-    viscous = data.layout.motor_viscous.start
-    beside = [viscous + e.joint for e in effects if EFFECTS[e.effect].relative and e.joint is not None]
+    viscous = range(data.layout.size)[data.layout.motor_viscous]
+    proportional = {e.joint for e in effects if EFFECTS[e.effect].relative}
+    beside = [row for joint, row in enumerate(viscous) if joint in proportional]
     rows = np.concatenate((rows, np.array(beside, np.intp)))
     for effect, where in zip(effects, places, strict=True):
         sizes = [where.start + k for k in EFFECTS[effect.effect].size_at]
@@ -128,7 +129,7 @@ def by_weight(
     """The effects, the weightiest first, each with the parameters (P,) of the model without it and the next.
 
     Each is the one that lowers the mean square of the held-out residual (fitted, if none is held out) most,
-    relative to each joint's torque `spread`, shape (n,), beside those before it.
+    relative to each joint's torque `spread`, shape (n,), given those before it.
     """
     where = {effect: at for effect, at in data.layout.effect_slices() if effect in effects}
     residual, used = data.parts[-1].values, data.parts[-1].used
@@ -140,7 +141,9 @@ def by_weight(
 
     def misfit(move: Array) -> float:
         squares = (residual + data.jacobians[-1] @ move) ** 2 * used
-        return float(np.sum(squares.sum(axis=0) / np.maximum(used.sum(axis=0), 1) / spread**2))
+        varies = spread > 0
+        mean = squares.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
+        return float(np.sum(mean[varies] / spread[varies] ** 2))
 
     while where:
         before = data.x + without(where)
@@ -204,7 +207,7 @@ def _gains(
     tried: int,
     trace: Callable[[ChosenEffect], float],
 ) -> dict[ChosenEffect, Gain]:
-    """What each effect gains beside the others, from the moves (P,) that leave it out."""
+    """What each effect gains given the others, from the moves (P,) that leave it out."""
     together = np.stack(list(moves.values()), axis=1) if moves else np.zeros((len(data.x), 0))
     changes = [jacobian @ together for jacobian in data.jacobians]
     gradient, hessian = data.prior

@@ -13,7 +13,7 @@ from flexviz.diagnosis.course import Course, SearchEnd
 from flexviz.diagnosis.criterion import Gain, confidence
 from flexviz.diagnosis.elimination import by_weight
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import EffectParameter, Evidence, Finding, Step
+from flexviz.diagnosis.result import Evidence, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.ties import ties
@@ -23,7 +23,7 @@ from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.laws import laws_through_data
 from flexviz.parallel import shared
-from flexviz.results import Absorbed, Family, Tie, Verdict
+from flexviz.records import Absorbed, EffectEntry, EffectParameter, Family, Tie, Verdict
 from flexviz.wording import step_shares
 
 Array = NDArray[np.float64]
@@ -40,6 +40,7 @@ class Stair:
         layout, x: the model and its parameters, shape (P,).
         covariance: of them.
         errors: its residuals.
+        chance: covariance without what the model lacks; None: it is the same.
     """
 
     added: ChosenEffect | None
@@ -47,6 +48,7 @@ class Stair:
     x: Array
     covariance: Covariance
     errors: PredictionErrors
+    chance: Covariance | None = None
 
 
 def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
@@ -58,7 +60,7 @@ def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
     effects = [None, *(effect for effect, _ in order)]
 
     def stair(count: int) -> Stair:
-        layout = Layout(own.joints, (*own.effects, *(e for e, _ in order[:count])))
+        layout = own.with_effects((*own.effects, *(e for e, _ in order[:count])))
         found = view.context.fit(layout, fit.towards(order[count][1], layout))
         errors = course.band.errors(found, view.context.first_phase)
         return Stair(effects[count], layout, found.x, found.covariance, errors)
@@ -74,7 +76,9 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
     left = np.zeros(n) if end.at_noise else view.above_by_joint(end.coarse) * view.significant(end.coarse)
     for curve in end.curves:
         left[curve.place.own_joint] += max(gains[curve].delta, 0.0)
-    laws = laws_through_data(course.measurements, last.layout, last.x, last.covariance.matrix)
+    # a band that allowed for missing effects would hide them
+    band = (last.chance or last.covariance).matrix
+    laws = laws_through_data(course.measurements, last.layout, last.x, band)
     shares = step_shares([stair.errors for stair in stairs], course.measurements.torque_spread)[1:]
     for (before, after), share in zip(pairwise(stairs), shares, strict=True):
         effect = after.added
@@ -106,7 +110,7 @@ def finding(
     return Finding(
         effect.effect, last.layout.joint_name(effect), effect.group, effect.payload,
         score=removed_share(before.errors, after.errors), confidence=0.0,
-        parameters=own_parameters(effect, last), inseparable_from=(), gain=0.0,
+        parameters=own_parameters(effect, last),
         evidence=explained_residual(effect, before, after, band),
     )  # fmt: skip
 
@@ -182,16 +186,12 @@ def explained_residual(
     )
 
 
-def effect_values(stair: Stair) -> tuple[dict[str, object], ...]:
+def effect_values(stair: Stair) -> tuple[EffectEntry, ...]:
     """Effects of a model with parameters and standard errors."""
     return tuple(
-        {
-            "effect": effect.effect, "joint": stair.layout.joint_name(effect), "group": effect.group,
-            "payload": effect.payload,
-            "parameters": {n: v._asdict() for n, v in own_parameters(effect, stair).items()},
-        }
-        for effect in stair.layout.effects
-    )  # fmt: skip
+        EffectEntry(e.effect, own_parameters(e, stair), stair.layout.joint_name(e), e.group, e.payload)
+        for e in stair.layout.effects
+    )
 
 
 def steps(stairs: Sequence[Stair], found: Sequence[Finding], last: Verdict) -> list[Step]:
@@ -206,4 +206,6 @@ def steps(stairs: Sequence[Stair], found: Sequence[Finding], last: Verdict) -> l
 def made_step(added: Finding | None, stair: Stair, verdict: Verdict) -> Step:
     """One step of a result: the model after adding an effect."""
     errors, model = stair.errors, stair.layout.model(stair.x)
-    return Step(added, errors.rms, errors.rms_validation, verdict, errors.groups, errors.noise_floor, model)
+    return Step(
+        added, errors.rms, errors.rms_validation, errors.groups, errors.noise_floor, model, verdict=verdict
+    )

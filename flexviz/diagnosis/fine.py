@@ -35,7 +35,11 @@ TRACE = 1e-6  # of the excess without the effects
 
 
 class Fine(Resolution[Fit]):
-    """Models of one set in units of the noise."""
+    """Models of one set in units of the noise.
+
+    The residual of the whole band is whitened by the noise of θ and τ propagated through filter and equation,
+    so that a complete model leaves unit variance and small effects show.
+    """
 
     name = "fine"
 
@@ -81,17 +85,11 @@ class Fine(Resolution[Fit]):
         )  # fmt: skip
 
     def scoring(self, fit: Fit) -> Scoring:
-        point, blocks = fit.point, self.context.two_band.blocks
-
-        def weigh(columns: Array, block: int) -> Array:
-            out = point.weightings[block].apply(columns)
-            out[~point.used[blocks[block].rows]] = 0.0
-            return out.reshape(-1, columns.shape[2])
-
+        point = fit.point
         narrow = self.context.two_band.with_layout(fit.layout).narrow.at(fit.x)
         lay = fit.layout
         chain = Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], point.link)
-        return Scoring(narrow, chain, weigh, self.context.projection(fit))
+        return Scoring(narrow, chain, point.weigh, self.context.projection(fit))
 
     def complete(self, model: FineModel) -> bool:
         """Whether a model leaves no more than noise, and what its laws are known to leave.

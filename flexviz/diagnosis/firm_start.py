@@ -52,7 +52,7 @@ def firm_start(
                 lower[k] = upper[k] = float(np.mean(signals.theta[0, :, effect.joint]))
     coupled = tuple(_stand_ins(layout, np.std(signals.tau[0], axis=0))) if stand_ins else prior.coupled
     firm = replace(prior, weight=weight, log_spread=logs, spread=spread, coupled=coupled)
-    return replace(start, prior=firm, bounds=Bounds(lower, upper))
+    return replace(start, prior=firm, bounds=Bounds(lower, upper).holding(start.x, layout.held))
 
 
 def _stand_ins(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:

@@ -72,7 +72,7 @@ class Fit:
         chi_held_out: shape (n,), the same for the validation groups; NaN without any.
         objective: Σ_j N log max(χ_j, 1) + cost of nuisance pulses + k log N, over all groups.
         converged: the last step was negligible, or further ones would not improve the objective.
-        unbiased: the parameters were estimated beside an unknown input: they do not absorb what is missing.
+        unbiased: the parameters were estimated with an unknown input: they do not absorb what is missing.
     """
 
     layout: Layout
@@ -109,11 +109,11 @@ class FitContext:
         held_out = measurements.validation_groups
         self.two_band = TwoBandData(measurements, measurements.fit_groups, layout, weighing)
         self.validation = TwoBandData(measurements, held_out, layout, weighing) if held_out else None
-        bare = Layout(layout.joints)
+        bare = layout.with_effects()
         self._start = start_values(measurements, self.two_band.with_layout(bare).narrow)
 
     def with_unknown_input(self, unknown: UnknownInput) -> FitContext:
-        """The same data beside an arbitrary torque at one place."""
+        """The same data with an arbitrary torque at one place."""
         other = copy(self)
         other.two_band = self.two_band.with_unknown_input(unknown)
         other.validation = self.validation and self.validation.with_unknown_input(unknown)
@@ -123,7 +123,7 @@ class FitContext:
         """Start values of a layout, with the prior and bounds of the search.
 
         A rough stiffness given by the set narrows the prior: a joint that hardly deflects, such as a light
-        wrist, does not determine its stiffness, and a soft joint imitates other effects, backlash above all.
+        wrist, does not determine its stiffness, and a soft joint resembles other effects, backlash above all.
         """
         start = other_effects(self._start, layout, self.two_band.narrow.signals)
         prior = start.prior
@@ -170,11 +170,12 @@ class FitContext:
         """The same parameters without the effects, evaluated only."""
         if not fit.layout.effects:
             return fit
-        return self.fit(Layout(fit.layout.joints), fit.x[: fit.layout.effect_start], iterations=0, near=fit)
+        return self.fit(fit.layout.with_effects(), fit.x[: fit.layout.effect_start], iterations=0, near=fit)
 
-    def covariance(self, fit: Fit) -> Covariance:
-        """Covariance of a fit, from the residual's own spectra."""
-        return fit.point.covariance(self.start(fit.layout).prior)
+    def covariances(self, fit: Fit) -> tuple[Covariance, Covariance]:
+        """Covariance of a fit with what the model lacks, and from the residual's own spectra alone."""
+        (found,) = fit.point.stated(self.start(fit.layout).prior, [np.zeros(fit.layout.size, bool)])
+        return found
 
     def projection(self, fit: Fit) -> Projection:
         """Projects out what the parameters of a fit can explain."""
@@ -191,4 +192,4 @@ def search_bounds(start: Start, layout: Layout) -> Bounds:
     # an incomplete model may drive a joint towards rigid; the next model has to recover from there
     rough, factor = start.x[layout.compliance], np.exp(ESTIMATION.stiffness_spread)
     lower[layout.compliance], upper[layout.compliance] = rough / factor, rough * factor
-    return Bounds(lower, upper)
+    return Bounds(lower, upper).holding(start.x, layout.held)

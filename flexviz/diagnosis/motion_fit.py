@@ -19,10 +19,20 @@ from flexviz.diagnosis.firm_start import firm_start
 from flexviz.diagnosis.fit_context import STEPS
 from flexviz.diagnosis.motion_samples import LONGEST_EDGE, Phase, Phases, phases, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
+from flexviz.equation import (
+    Chain,
+    Equation,
+    Layout,
+    LinkTerms,
+    OperatingPoint,
+    Signals,
+    build_signals,
+    layout_of,
+)
 from flexviz.estimation import (
     Covariance,
     Descent,
+    FittedModel,
     NormalEquations,
     Prior,
     Projection,
@@ -31,6 +41,7 @@ from flexviz.estimation import (
     residual_noise,
     spectral_covariance,
     start_values,
+    with_model_error,
 )
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
@@ -117,7 +128,21 @@ class MotionFit:
     def covariance(self) -> Covariance:
         """Of the parameters, from the residual's own spectra."""
         rows = [b.rows for b in self.context.signals.blocks]
-        return spectral_covariance(*self.whitened, rows, self.prior_derivatives[1], self.held)
+        measured = self.context.start(self.layout).prior.measured(self.x)
+        return spectral_covariance(*self.whitened, rows, self.prior_derivatives[1], self.held, measured)
+
+    @property
+    def stated_covariance(self) -> Covariance:
+        """Of the parameters, including what the model lacks."""
+        whitened, jacobian = self.whitened
+        floor = np.mean((self.context.noise_floor * self.weights) ** 2, axis=0)
+        excess = np.maximum(np.mean(whitened**2, axis=0) - floor, 0.0)
+        flat = jacobian.reshape(-1, self.layout.size)
+        fit = FittedModel(
+            self.point, self.chain, self.weigh, whitened.ravel(), flat, self.prior_derivatives[1], self.held
+        )
+        (stated,) = with_model_error([self.covariance], [fit], excess)
+        return stated
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -171,11 +196,13 @@ class MotionContext:
         self.signals = self.parts[0]
         self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
         self._shared = [dict[object, Any]() for _ in self.parts]
-        bare = self.equation(Layout(joints))
+        model = layout_of(measurements).with_effects()
+        self._fitted = model.fitted
+        bare = self.equation(model)
         self._start = start_values(measurements, bare)
         rigid = bare.evaluate(self._start.x)
         noise = segments_noise([b.segment for b in self.signals.blocks])
-        variance = residual_noise(self.signals, Layout(joints), self._start.x, rigid.link, noise)
+        variance = residual_noise(self.signals, model, self._start.x, rigid.link, noise)
         self.noise_floor: Array = np.sqrt(variance)
         self.spread: Array = np.std(self.signals.tau[0], axis=0)
 
@@ -196,7 +223,7 @@ class MotionContext:
     @property
     def used(self) -> list[NDArray[np.bool_]]:
         """Samples of each part that count, shape (N, n)."""
-        return [phase >= self.first_phase for phase in self.phases]
+        return [(phase >= self.first_phase) & self._fitted for phase in self.phases]
 
     def equation(self, layout: Layout, part: int = 0) -> Equation:
         """Equation of one of the parts."""

@@ -14,7 +14,8 @@ from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.results import BandwidthCheck, FreeCurve, Note, NoteKind
+from flexviz.records import FreeCurve, Note, NoteKind
+from flexviz.results import BandwidthCheck
 from flexviz.wording import MOST_NAMED, listed, plural
 
 Array = NDArray[np.float64]
@@ -43,9 +44,10 @@ def notes(
     if model_error_variance is not None:
         sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
         text = (
-            "no model explains all but the noise: an effect was added if it predicts also the held-out groups"
+            "no model reaches the noise floor, so an effect was added only if it also predicts the held-out "
+            "groups better"
         )
-        out.append(("model-error", f"{text} better. Error that is left in the model (Nm): {sizes}"))
+        out.append(("model-error", f"{text}; torque error left in the model [Nm]: {sizes}"))
     floor, rms = np.maximum(errors.noise_floor, 1e-300), np.array(errors.stated)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
@@ -80,12 +82,18 @@ def notes(
 
 def standstill_text(joints: Sequence[str], first_phase: Phases) -> str:
     """Which samples do not count; `first_phase`, shape (n,): the first phase of each joint that does."""
-    names = listed([j for j, first in zip(joints, first_phase, strict=True) if first])
+
+    def named(some: list[str]) -> str:
+        return "all joints" if len(some) == len(joints) > 1 else listed(some)
+
+    still = [j for j, first in zip(joints, first_phase, strict=True) if first]
     starts = [j for j, first in zip(joints, first_phase, strict=True) if first == Phase.MOTION]
-    also = f", of {listed(starts)} also the first {STILL.start_angle:g} rad after it" if starts else ""
+    after = f"{STILL.start_angle:g} rad after it"
+    also = "" if not starts else f" and the first {after}"
+    also += f" ({named(starts)})" if starts and starts != still else ""
     return (
-        f"standstill of {names} is left out{also}, of the diagnosis and of the stated errors: static "
-        "friction can take any value up to its limit, so that no model of the motion is accurate there"
+        f"standstill of {named(still)}{also} counts in no error: static friction can take any value up to "
+        "its limit there"
     )
 
 
@@ -100,14 +108,14 @@ def without_still_groups(measurements: MeasurementSet) -> tuple[MeasurementSet, 
         """Range of each motor's position, shape (n,) [rad]."""
         return np.ptp(np.concatenate([s.theta for s in group.segments]), axis=0)
 
-    least = STILL.still * np.max([moved(group) for group in measurements.fit_groups], axis=0)
+    fitted, _ = measurements.select()
+    least = STILL.still * np.max([moved(group) for group in fitted], axis=0)
     still = [group.name for group in measurements.validation_groups if np.all(moved(group) < least)]
     if not still:
         return measurements, []
     text = (
-        f"held-out {plural(len(still), 'group')} {listed(still)}: the robot stands still, where static "
-        "friction can take any value up to its limit; what is measured there judges no effect and counts in "
-        "no error stated here"
+        f"held-out {plural(len(still), 'group')} {listed(still)} counts in no error: the robot stands "
+        "still, where static friction can take any value up to its limit"
     )
     kept = tuple(group for group in measurements.groups if group.name not in still)
     return replace(measurements, groups=kept), [Note("other", text)]

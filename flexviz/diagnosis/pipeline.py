@@ -22,15 +22,15 @@ from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_input import BesideUnknown, UnknownPlace, locate_unknown, unknown_place
+from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
 from flexviz.estimation import Covariance
-from flexviz.identification import parameter_estimates
-from flexviz.measurements import MeasurementSet
+from flexviz.identification import link_side_checks, parameter_estimates
+from flexviz.measurements import MeasurementSet, no_torque_text, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
-from flexviz.results import Move, Note, Verdict
+from flexviz.records import Decoys, Move, Note, Verdict
 from flexviz.wording import SearchStage, listed
 
 Array = NDArray[np.float64]
@@ -48,9 +48,9 @@ def diagnose(
 ) -> Diagnosis:
     """Determine whether the set's model is complete, and if not, what is missing.
 
-    One search, coarse to fine: effects are added, dropped and swapped while that describes fitted and
-    held-out groups better by more than its cost and twice its standard error, first in the band of the
-    motion, then in units of the sensors' noise.
+    Effects are added, dropped and swapped while that lowers J = −log p(residuals | noise + model error) −
+    log prior, over fitted and held-out groups, by more than its cost and 1.64 standard errors; first in the
+    band of the motion, then in units of the sensors' noise. What no effect explains is called unknown.
 
     Args:
         measurements: the measurement set.
@@ -59,7 +59,7 @@ def diagnose(
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": whether the final model has a free curve
-            of what no effect explains. Default: only if the effects were estimated beside one.
+            of what no effect explains. Default: only if the effects were estimated together with one.
         decoys: whether candidates that cannot be right compete with the real ones: how many of them are
             accepted tells how often the search would accept an accident.
         progress: called between fits.
@@ -97,7 +97,7 @@ class _Description:
         course, end: the search, and where it ended.
         apply: whether the result describes the model with what was found, or the set's own one.
         guarded: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
-        curves: whether the model ends with the free curves beside which it was estimated.
+        curves: whether the model ends with the free curves with which it was estimated.
     """
 
     course: Course
@@ -130,7 +130,7 @@ class _Description:
         fit = end.fine.fit if self.apply else course.fine.fit(layout, shown.x, 0).fit
         context, unknown = course.fine.context, made[-1].verdict == "unknown"
         place = self.place(fit) if unknown and self.apply else None
-        beside = BesideUnknown.of(context, fit, place)
+        beside = UnknownInputFit.of(context, fit, place)
         where, maps, parts = locate_unknown(context, fit, beside, end.changing)
         for law in end.curves[:1]:
             where = tuple(sorted(where, key=lambda p: p.joint != layout.joint_name(law)))
@@ -151,13 +151,19 @@ class _Description:
         parameters = parameter_estimates(
             layout, shown.x, start.prior.centre, shown.covariance, at_bound, start.prior
         )
+        links = layout.inertial
         return Diagnosis(
-            course.measurements.name, made[0].verdict, tuple(found), where, tuple(made), effect_values(shown),
-            parameters, seconds=time.perf_counter() - course.began, stopped=course.stopped,
+            set_name=course.measurements.name, verdict=made[0].verdict, findings=tuple(found), where=where,
+            steps=tuple(made), effects=effect_values(shown), parameters=parameters,
+            seconds=time.perf_counter() - course.began, stopped=course.stopped,
             notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,
             free_curve=curve, guard=guard, torque_spread=course.measurements.torque_spread,
             trace=tuple(map(self.told, course.trace)),
             decoys=self.counted_decoys() if course.view.decoys else None,
+            link_side=link_side_checks(
+                course.measurements, shown.x[links].reshape(-1, 10),
+                shown.covariance.matrix[links, links], parameters[layout.compliance],
+            ),
         )  # fmt: skip
 
     def drowned(self, shown: Stair) -> list[str]:
@@ -174,6 +180,8 @@ class _Description:
                 f"the estimated noise is larger than the torque of {listed(drowned)}, so nothing can be told"
             )
             yield Note("drowned", text)
+        if text := no_torque_text(silent_joints(self.course.measurements)):
+            yield Note("other", text)
         if self.end.changing is not None:
             yield Note("changing", self.end.changing.text)
         segments = [s for g in self.course.measurements.fit_groups for s in g.segments]
@@ -182,11 +190,11 @@ class _Description:
         if (phase := self.course.view.context.first_phase).any():
             yield Note("standstill", standstill_text(self.course.own.joints, phase))
 
-    def counted_decoys(self) -> tuple[int, int]:
+    def counted_decoys(self) -> Decoys:
         """How many decoys the final model has, and how many competed."""
         layout = self.end.coarse.layout
         accepted = sum(e.effect in DECOYS for e in layout.effects)
-        return accepted, accepted + sum(e.effect in DECOYS for e in self.course.view.wanted(layout))
+        return Decoys(accepted, accepted + sum(e.effect in DECOYS for e in self.course.view.wanted(layout)))
 
     def told(self, tried: Tried) -> Move:
         """A move of the search for the result."""
@@ -210,12 +218,15 @@ class _Description:
         """The final model."""
         coarse, fine = self.end.coarse.fit, self.end.fine.fit
         if self.end.at_noise:
-            known, covariance = Known(fine.layout, fine.x), self.course.fine.context.covariance(fine)
-        elif self.curves:
-            known, covariance = Known(coarse.layout, coarse.x), coarse.covariance
+            known, both = Known(fine.layout, fine.x), self.course.fine.context.covariances(fine)
         else:
-            known, whole, kept = without_curves(coarse), coarse.covariance, rows_without_curves(coarse.layout)
-            covariance = Covariance(whole.matrix[np.ix_(kept, kept)], whole.prior_share[kept])
+            known, both = Known(coarse.layout, coarse.x), (coarse.stated_covariance, coarse.covariance)
+            if not self.curves:
+                known, kept = without_curves(coarse), rows_without_curves(coarse.layout)
+                both = tuple(
+                    Covariance(whole.matrix[np.ix_(kept, kept)], whole.prior_share[kept]) for whole in both
+                )
+        covariance, chance = both
         added = [e for e in known.layout.effects if e not in self.course.own.effects]
         errors = self.course.band.errors(known, self.course.view.context.first_phase)
-        return Stair(added[-1] if added else None, known.layout, known.x, covariance, errors)
+        return Stair(added[-1] if added else None, known.layout, known.x, covariance, errors, chance)

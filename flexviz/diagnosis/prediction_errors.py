@@ -14,11 +14,12 @@ from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import LONGEST_EDGE, Phases, phases
 from flexviz.equation import Equation, Layout, build_signals, layout_of
 from flexviz.estimation import residual_noise
+from flexviz.iteration import Iteration
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
-from flexviz.progress import Iteration
+from flexviz.records import GroupError
 
 Array = NDArray[np.float64]
 
@@ -40,14 +41,14 @@ class PredictionErrors:
     Attributes:
         rms: per joint, over the fit groups [Nm]; without standstill where that is judged apart.
         rms_validation: the same over the validation groups; None without any.
-        groups: (name, rms per joint [Nm], whether held out) of every group.
+        groups: of every group.
         noise_floor: per joint, rms due to measurement noise alone [Nm].
         residual: shape (N, n) [Nm].
     """
 
     rms: tuple[float, ...]
     rms_validation: tuple[float, ...] | None
-    groups: tuple[tuple[str, tuple[float, ...], bool], ...]
+    groups: tuple[GroupError, ...]
     noise_floor: tuple[float, ...]
     residual: Array
 
@@ -97,7 +98,7 @@ class PredictionErrorBand:
         return PredictionErrors(
             rms(fitted),
             rms(held_out) if held_out else None,
-            tuple((g.name, rms([g.name]), g.validation) for g in seen),
+            tuple(GroupError(g.name, rms([g.name]), g.validation) for g in seen),
             tuple(map(float, floor)),
             residual,
         )

@@ -39,7 +39,7 @@ from flexviz.estimation import noise_density
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.parallel import shared
-from flexviz.results import ResidualLocation, ResidualMap
+from flexviz.records import ResidualLocation, ResidualMap
 
 Array = NDArray[np.float64]
 

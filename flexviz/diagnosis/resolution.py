@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -235,6 +236,29 @@ class Resolution(ABC, Generic[AnyFit]):
         parts = shared(of_joint, [*range(self.own.n), None])
         return sorted((s for part in parts for s in part), key=lambda s: -s.gain)
 
+    def mergers(self, model: Model[AnyFit]) -> Iterable[Callable[[Model[AnyFit]], Model[AnyFit]]]:
+        """Each effect in place of those on its joint that it merges, where all of them were found."""
+        found = set(model.layout.effects) - set(self.own.effects)
+        return [
+            partial(self.merged, new=ChosenEffect(name, joint))
+            for name, law in EFFECTS.items()
+            for joint in range(self.own.n)
+            if law.merges and {ChosenEffect(part, joint) for part in law.merges} <= found
+        ]
+
+    def merged(self, model: Model[AnyFit], new: ChosenEffect) -> Model[AnyFit]:
+        """The model with an effect in place of those that it merges; the model itself if it is impossible."""
+        law, fit = EFFECTS[new.effect], model.fit
+        gone = {name: ChosenEffect(name, new.joint) for name in law.merges}
+        layout = without(fit.layout, gone.values())
+        layout = layout.with_effects((*layout.effects, new))
+        x = layout.vector(fit.layout.model(fit.x))
+        x[layout.effect_slice(new)] = law.merged(
+            {name: fit.x[fit.layout.effect_slice(e)] for name, e in gone.items()}
+        )
+        other = self.refit(model, layout, x)
+        return other if credible(other.fit, new, self.raw_step) else model
+
     # -- drops
 
     def impossible(self, fit: AnyFit) -> list[ChosenEffect]:
@@ -242,12 +266,12 @@ class Resolution(ABC, Generic[AnyFit]):
         return [e for e in fit.layout.effects if not credible(fit, e, self.raw_step)]
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
-        """Effects that are not dropped: the set's own ones, and those beside which others are defined."""
+        """Effects that are not dropped: the set's own ones, and those that others require."""
         needed = {(EFFECTS[e.effect].beside, e.joint) for e in layout.effects}
         return {*self.own.effects, *(e for e in layout.effects if (e.effect, e.joint) in needed)}
 
     def gains(self, model: Model[AnyFit]) -> dict[ChosenEffect, Gain]:
-        """What each effect gains beside the others."""
+        """What each effect gains given the others."""
         return self.eliminated(model, lambda layout: layout.effects, ()).kept
 
     def eliminated(

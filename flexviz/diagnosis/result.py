@@ -2,39 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+import math
+from dataclasses import dataclass as std_dataclass
+from dataclasses import replace
+from typing import Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from pydantic.dataclasses import dataclass
 
-from flexviz.effects import free_curve
-from flexviz.identification import ParameterEstimate
+from flexviz.diagnosis.plots import DiagnosisPlots
+from flexviz.fields import RECORD, Floats, Once
 from flexviz.laws import LawThroughData
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.results import (
-    Absorbed,
-    BandwidthCheck,
-    CandidateEntry,
-    Family,
-    FreeCurve,
-    Move,
+from flexviz.model import FlexibleModel
+from flexviz.records import (
+    CandidateEffect,
+    EffectEntry,
+    ModelEntry,
     Note,
-    ResidualLocation,
-    ResidualMap,
-    ResultDocument,
-    Tie,
+    ParameterEstimate,
+    StepEntry,
+    TorqueEntry,
     Verdict,
+)
+from flexviz.results import (
+    BandwidthCheck,
+    DataFrame,
+    DiagnosisFields,
+    GuardEntry,
+    ResultDocument,
     curve_entries,
     find_parameter,
     note_entries,
+    parameter_frame,
+    shared_fields,
+    torque_side,
 )
 from flexviz.wording import finding_key, found_shares
 
-Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
+@std_dataclass(frozen=True, eq=False)
 class Evidence:
     """Residual of one joint and the part that an effect explains.
 
@@ -48,132 +54,66 @@ class Evidence:
 
     joint: str
     groups: tuple[tuple[str, int, int], ...]
-    time: Array
-    residual: Array
-    signature: Array
+    time: Floats
+    residual: Floats
+    signature: Floats
 
 
-class EffectParameter(NamedTuple):
-    """A parameter of an effect: value, standard error (None if unknown), unit."""
-
-    value: float
-    std: float | None
-    unit: str
-
-
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """A candidate for the missing effect.
+@dataclass(frozen=True, eq=False, kw_only=True, config=RECORD)
+class Finding(CandidateEffect):
+    """A candidate for the missing effect; what documents have of it is in `CandidateEffect`.
 
     Attributes:
-        effect, joint, group, payload: effect and location.
-        score: share of the excess held-out variance removed after refitting.
-        confidence: probability that the candidate is correct.
-        parameters: name → value, standard error and unit.
-        inseparable_from: effects that the data cannot distinguish from it.
         gain: decrease of the objective when it is added.
-        absorbed: parameters that absorbed the effect before, the largest change first.
         evidence: explained part of the residual; None for candidates that were not added.
         features: input of the confidence (`confidence.features`).
-        family: the family of effects that it belongs to; None if it belongs to none.
-        share: of the held-out mean squared error, relative to each joint's torque, that it removes in the
-            order in which the effects are added (`flexviz.wording.step_shares`); None if unknown.
         law: its law through the data, in the last model; None for candidates that were not added.
     """
 
-    effect: str
-    joint: str | None
-    group: str | None
-    payload: str | None
-    score: float
-    confidence: float
-    parameters: dict[str, EffectParameter]
-    inseparable_from: tuple[Tie, ...]
-    gain: float
-    absorbed: tuple[Absorbed, ...] = ()
+    gain: float = 0.0
     evidence: Evidence | None = None
     features: tuple[float, ...] = ()
-    family: Family | None = None
-    share: float | None = None
     law: LawThroughData | None = None
-
-    def __post_init__(self) -> None:
-        named = {name: EffectParameter(*value) for name, value in self.parameters.items()}
-        object.__setattr__(self, "parameters", named)
-
-    @property
-    def text(self) -> str:
-        """Name on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
-        return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
-
-    @property
-    def stopgap(self) -> bool:
-        """Whether it is a free curve: not physics."""
-        return free_curve(self.effect) is not None
 
     def to_dict(self) -> dict[str, Any]:
         """One entry of the contract's `candidates`."""
-        return CandidateEntry.model_validate(self).model_dump(mode="json", exclude_unset=True)
+        return TypeAdapter(CandidateEffect).dump_python(self, mode="json")
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One step of the diagnosis: the model after adding an effect.
+@dataclass(frozen=True, eq=False, config=RECORD)
+class Step(StepEntry):
+    """One step of the diagnosis, with the effect that it adds and its `model`."""
 
-    Attributes:
-        added: the effect; None for the initial model.
-        rms, rms_validation, groups, noise_floor: its errors [Nm], as in `PredictionErrors`.
-        verdict: "missing", "nothing-missing" or "unknown".
-    """
-
-    added: Finding | None
-    rms: tuple[float, ...]
-    rms_validation: tuple[float, ...] | None
-    verdict: Verdict
-    groups: tuple[tuple[str, tuple[float, ...], bool], ...] = ()
-    noise_floor: tuple[float, ...] = ()
+    added: Finding | None = None
     model: FlexibleModel | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis:
-    """The result of one diagnosis.
+@std_dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Diagnosis(DiagnosisFields):
+    """The result of one diagnosis; what documents have under the same name is in `DiagnosisFields`.
 
     Attributes:
         verdict, findings: "missing", "nothing-missing" or "unknown", and ranked candidates, for the set's own
             model.
-        where: locations of what no effect explains: of the final model's residual, without free curves
-            beside which it was estimated; if the place of an unknown law is known, with parameters that the
-            law does not bias, like `maps` and `free_curve`.
         steps: initial model, then one step per added effect.
         effects, parameters, model: the final model.
-        seconds, stopped: wall time; whether the user stopped it, with the findings so far.
+        seconds: wall time.
         notes: they accompany the verdict.
-        maps: residual of the final model against each variable, joint by joint.
-        free_curve: curve of an unexplained residual, as a stopgap; None if nothing is unexplained.
         guard: result of the bandwidth check; None if not run.
         torque_spread: standard deviation of each joint's recorded torque [Nm]; empty if unknown.
-        trace: the moves that the search tried, in order.
-        decoys: (accepted, tried) candidates that cannot be right; None if none were tried.
     """
 
     set_name: str
     verdict: Verdict
     findings: tuple[Finding, ...]
-    where: tuple[ResidualLocation, ...]
-    steps: tuple[Step, ...]
-    effects: tuple[dict[str, Any], ...]
+    steps: tuple[Annotated[Step, Once()], ...]
+    effects: tuple[EffectEntry, ...]
     parameters: tuple[ParameterEstimate, ...]
     seconds: float
-    stopped: bool = False
     notes: tuple[Note, ...] = ()
     model: FlexibleModel | None = None
-    maps: tuple[ResidualMap, ...] = ()
-    free_curve: FreeCurve | None = None
     guard: BandwidthCheck | None = None
     torque_spread: tuple[float, ...] = ()
-    trace: tuple[Move, ...] = ()
-    decoys: tuple[int, int] | None = None
 
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter of the final model by name and joint: `diagnosis["stiffness", "joint1"]`.
@@ -199,6 +139,15 @@ class Diagnosis:
     def _repr_html_(self) -> str:
         return self.document()._repr_html_()
 
+    @property
+    def plot(self) -> DiagnosisPlots:
+        """Figures: `plot.staircase()`, `plot.law("coulomb_friction", joint="joint2")`, `plot.residual()`."""
+        return DiagnosisPlots(self)
+
+    def to_frame(self) -> DataFrame:
+        """The final model's parameters as a table of pandas; MissingPackage if that is not installed."""
+        return parameter_frame(self.parameters)
+
     def to_dict(self, *, steps: bool = True) -> dict[str, Any]:
         """The `diagnose --json` document; `steps=False` as without `--apply`."""
         document = self.document().to_dict()
@@ -213,26 +162,23 @@ class Diagnosis:
         def told(finding: Finding) -> Finding:
             return replace(finding, share=shares.get(finding_key(finding)))
 
-        known: dict[str, Any] = {} if self.decoys is None else {"decoys": self.decoys}
+        def physical(finding: Finding) -> Finding:
+            return replace(finding, confidence=math.nan) if finding.stopgap else finding
+
+        known: dict[str, Any] = {"torque_side": torque_side(self.parameters)} if self.parameters else {}
         if self.model is not None and self.torque_spread:
-            known["torque"] = {"joints": self.model.joints, "spread": self.torque_spread}
-        return ResultDocument.model_validate(
-            {
-                "format": 1,
-                "set": self.set_name,
-                "verdict": self.verdict,
-                "candidates": sorted(map(told, self.findings), key=lambda one: -(one.share or 0.0)),
-                "where": self.where,
-                "steps": [replace(s, added=s.added and told(s.added)) for s in self.steps],
-                "model": {"effects": self.effects, "parameters": self.parameters},
-                **note_entries(self.notes),
-                "maps": self.maps,
-                "free_curve": self.free_curve,
-                **curve_entries(self.parameters),
-                "guard": self.guard,
-                **known,
-                "trace": self.trace,
-                "stopped": self.stopped,
-                "seconds": self.seconds,
-            }
+            known["torque"] = TorqueEntry(self.model.joints, self.torque_spread)
+        return ResultDocument(
+            format=1,
+            set=self.set_name,
+            verdict=self.verdict,
+            candidates=tuple(sorted(map(told, self.findings), key=lambda one: -(one.share or 0.0))),
+            steps=tuple(replace(s, added=s.added and physical(told(s.added))) for s in self.steps),
+            model=ModelEntry(self.effects, self.parameters),
+            guard=self.guard and GuardEntry.of(self.guard),
+            seconds=self.seconds,
+            **shared_fields(self, DiagnosisFields),
+            **note_entries(self.notes),
+            **curve_entries(self.parameters),
+            **known,
         )

@@ -2,7 +2,7 @@
 
 A model is pruned; then what promises most on each place is added, all at once or one at a time, and the model
 is pruned again; effects are swapped for rivals. A move is made if the criterion accepts it. Where nothing of
-the library is accepted any more, an unknown input is added, and the search goes on beside it. The search
+the library is accepted any more, an unknown input is added, and the search goes on with it. The search
 knows nothing about robots: a problem supplies the moves and compares models.
 """
 
@@ -29,7 +29,7 @@ class Candidate:
         place: of several candidates of one place, the best is tried.
         promise: what it gains at most, estimated in closed form [nats], less its cost.
         content: for the problem.
-        last: whether it can imitate much, so that everything else is tried before.
+        last: whether it can stand in for much, so that everything else is tried before.
     """
 
     key: Hashable
@@ -93,6 +93,10 @@ class MoveProblem(Protocol[Model]):
         """Exchanges of parts for rivals."""
         ...
 
+    def mergers(self, model: Model) -> Iterable[Callable[[Model], Model]]:
+        """Parts that stand together exchanged for one that may describe both."""
+        ...
+
     def unknowns(self, model: Model) -> Iterable[Callable[[Model], Model]]:
         """The model with an unknown input, the most promising place first."""
         ...
@@ -103,7 +107,11 @@ class MoveProblem(Protocol[Model]):
 
 
 class Search(Generic[Model]):
-    """A search on one problem.
+    """A search on one problem: greedy moves between models until the criterion accepts none.
+
+    Each round prunes (what would not be added again is dropped), adds the best candidate of each place, swaps
+    effects for rivals, and then tries an unknown input. A move needs Δ > 1.64 standard errors and must not
+    harm held-out data, so that the end does not depend on thresholds of the moves.
 
     Args:
         problem: supplies the moves.
@@ -121,7 +129,7 @@ class Search(Generic[Model]):
         self.trace: list[Tried] = [] if trace is None else trace
         self._refused = dict[Hashable, float]()  # candidates, and what they promised
         self._swapped = set[frozenset[Hashable]]()  # models of which no part is exchanged ...
-        self._alone = set[frozenset[Hashable]]()  # ... and beside which no unknown input is accepted
+        self._alone = set[frozenset[Hashable]]()  # ... and with which no unknown input is accepted
         self._scored: tuple[Model, list[Candidate]] | None = None  # the last model that was scored
 
     def run(self, model: Model, inner: bool = False) -> Model:
@@ -171,6 +179,10 @@ class Search(Generic[Model]):
     def exchanged(self, model: Model, inner: bool) -> Model | None:
         """The model with a part exchanged for a rival, or with an unknown input; None if none is accepted."""
         parts = self.problem.parts(model)
+        for merge in self.problem.mergers(model) if parts not in self._swapped else ():
+            other = merge(model)
+            if self.accepted("swap", model, other, 0, simpler=True):
+                return other
         for swap in self.problem.swaps(model) if parts not in self._swapped else ():
             other = swap(model)
             if self.accepted("swap", model, other, 0):
@@ -184,7 +196,7 @@ class Search(Generic[Model]):
         return found
 
     def with_unknown(self, model: Model) -> Model | None:
-        """The model with an unknown input and what shows beside it; None if none is accepted."""
+        """The model with an unknown input and what shows given it; None if none is accepted."""
         for unknown in self.problem.unknowns(model):
             larger = unknown(model)
             if self.problem.parts(larger) == self.problem.parts(model):
@@ -196,14 +208,14 @@ class Search(Generic[Model]):
             self._refused = before
         return None
 
-    def accepted(self, kind: str, before: Model, after: Model, tried: int) -> bool:
-        """Whether a move is accepted; it is kept in the trace."""
+    def accepted(self, kind: str, before: Model, after: Model, tried: int, simpler: bool = False) -> bool:
+        """Whether a move is accepted; it is kept in the trace. `simpler`: unless its reversal would be."""
         old, new = self.problem.parts(before), self.problem.parts(after)
         if new == old:
             return False
-        if new < old:  # a part stays only where the criterion would add it
+        if new < old or simpler:  # a part stays only where the criterion would add it
             gain = self.problem.gain(after, before, tried)
-            kind, accepted, gain = "drop", not gain.accepted, gain.reversed
+            kind, accepted, gain = kind if simpler else "drop", not gain.accepted, gain.reversed
         else:
             gain = self.problem.gain(before, after, tried)
             accepted = gain.accepted

@@ -21,14 +21,14 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class BestModel(BestSoFar):
-    """The best model so far, to be drawn: its effects beside the set's own, its values and residuals."""
+    """The best model so far, to be drawn: its effects without the set's own, its values and residuals."""
 
     effects: tuple[str, ...]  # as texts
     parameters: FlexibleModel
     residuals: Mapping[str, tuple[Floats, Floats]]  # group → time (M,) [s], residual (M, n) [Nm]
 
 
-class Standing:
+class BestModelTracker:
     """The best model so far, from the set's `own` one on; errors are those of the band."""
 
     def __init__(self, own: Layout, band: PredictionErrorBand) -> None:
@@ -38,12 +38,12 @@ class Standing:
         self._best = np.inf  # its error
 
     def news(self, fit: Fitted, first_phase: Phases | None = None) -> BestModel | None:
-        """What is told of a fit, if it is better; `first_phase`, shape (n,): as in `PredictionErrorBand`."""
+        """The news of a fit, if it is better; `first_phase`, shape (n,): as in `PredictionErrorBand`."""
         added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
         if self._own_fit is not None and not added:
             return None
         errors, spread = self.band.errors(fit, first_phase), self.band.measurements.torque_spread
-        now, told = stated_errors(errors, spread), f"{errors.stated_name} error"
+        now, kind = stated_errors(errors, spread), f"{errors.stated_name} error"
         texts = tuple(effect.text(self.own.joints) for effect in added)
         time, residual = (a.astype(np.float32) for a in (self.band.signals.time, errors.residual))
         over_time = {group: (time[at], residual[at]) for group, at in self.band.rows.items()}
@@ -51,7 +51,7 @@ class Standing:
         if self._own_fit is None:
             self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
             worst = f"{self.own.joints[now.order[0]]} {now.text(now.order[0])}"
-            return BestModel("", f"{told} of the present model {now.whole()}; most: {worst}", *drawn)
+            return BestModel("", f"{kind} of the present model {now.whole()}; most: {worst}", *drawn)
         if now.mean >= self._best:
             return None
         self._best = now.mean
@@ -63,4 +63,4 @@ class Standing:
         names = text_names(texts, self.own.joints)
         more = len(names) - MOST_NAMED
         model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)
-        return BestModel(model, f"{told} {before.short()} → {now.text()}", *drawn)
+        return BestModel(model, f"{kind} {before.short()} → {now.text()}", *drawn)

@@ -24,7 +24,7 @@ class CriterionThresholds:
     unknown_share: float = 0.02  # of a joint's torque spread: a model error above is one of the model
     outlier: float = 2.5  # [standard deviations] from which a residual counts linearly
     temperature: float = 10.0  # [nats] by which a gain has to exceed its cost for a confidence of 73 %
-    doubt: float = 0.1  # odds that an effect imitates a law outside the library that gains as much
+    doubt: float = 0.1  # odds that an effect stands in for an unmodelled torque that gains as much
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

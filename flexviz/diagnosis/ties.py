@@ -13,7 +13,7 @@ from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.effects.free_curve import NODES
 from flexviz.equation import Signals
 from flexviz.estimation import Projection
-from flexviz.results import Tie
+from flexviz.records import Tie
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

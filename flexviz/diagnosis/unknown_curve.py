@@ -11,7 +11,6 @@ import numpy as np
 
 from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.effects import EFFECTS, ChosenEffect, free_curve
-from flexviz.equation import Layout
 from flexviz.parallel import shared
 
 TWICE_AS_RICH = 1.5  # times the gain of one curve, for one per direction
@@ -25,7 +24,7 @@ def is_curve(effect: ChosenEffect) -> bool:
 
 
 def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
-    """The free curve of a joint, on motor or link, that explains most beside a model, and its gain.
+    """The free curve of a joint, on motor or link, that explains most given a model, and its gain.
 
     One of a single branch, unless one for each direction of motion explains clearly more.
     """
@@ -41,8 +40,8 @@ def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
 
 
 def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:
-    """Decrease of the weighted sum of squares by a curve under its prior, beside the model's parameters."""
-    layout = Layout(fit.layout.joints, (*fit.layout.effects, curve))
+    """Decrease of the weighted sum of squares by a curve under its prior, given the model's parameters."""
+    layout = fit.layout.with_effects((*fit.layout.effects, curve))
     where, start = layout.effect_slice(curve), fit.context.start(layout)
     terms = EFFECTS[curve.effect].terms(fit.point.context, curve.place, start.x[where])
     free = start.bounds.lower[where] < start.bounds.upper[where]

@@ -1,6 +1,6 @@
 """Where an unmodelled torque acts, joint and side of its transmission; the model that it does not bias.
 
-Every place is tried in turn: the model is fitted beside an arbitrary torque there (`UnknownInput`). Beside an
+Every place is tried in turn: the model is fitted with an arbitrary torque there (`UnknownInput`). With an
 input at the law's own place all joints agree with the noise, whatever the law; at another they do not. The
 residual of a fit without an input may be larger on a neighbouring joint.
 """
@@ -24,7 +24,7 @@ from flexviz.equation import Layout
 from flexviz.estimation import ESTIMATION, MAX_ITERATIONS, SIDES, Covariance, Side, UnknownInput
 from flexviz.identification import parameter_estimates
 from flexviz.parallel import shared
-from flexviz.results import Note
+from flexviz.records import Note
 from flexviz.wording import interval, number, plain_name
 
 Array = NDArray[np.float64]
@@ -39,13 +39,13 @@ PLACES: dict[Side, str] = {
 
 @dataclass(frozen=True, eq=False)
 class UnknownPlace:
-    """The place of a law of no library.
+    """The place of an unmodelled torque.
 
     Attributes:
         unknown: the input that explains what the model leaves.
-        layout, x: the model, and its parameters beside the input, shape (P,).
+        layout, x: the model, and its parameters given the input, shape (P,).
         sure: whether inputs on the other sides of the joint explain clearly less.
-        left: excess beside the input.
+        left: excess given the input.
         converged: whether x is a minimum.
     """
 
@@ -58,7 +58,7 @@ class UnknownPlace:
 
     @property
     def complete(self) -> bool:
-        """Whether all joints agree with the noise beside the input; otherwise it explains most."""
+        """Whether all joints agree with the noise given the input; otherwise it explains most."""
         return 1 + self.left <= ESTIMATION.consistent
 
     @property
@@ -70,13 +70,13 @@ class UnknownPlace:
     def text(self) -> str:
         """The finding as a sentence."""
         where = PLACES[self.unknown.side].format(self.joint) if self.sure else f"at {self.joint}"
-        beside = f"acts {where}: beside an arbitrary torque there,"
+        given = f"acts {where}: with an arbitrary torque there,"
         if self.complete:
-            return f"what is missing {beside} all joints agree with the noise"
-        return f"most of what is missing {beside} little of the error stays"
+            return f"what is missing {given} all joints agree with the noise"
+        return f"most of what is missing {given} little of the error is left"
 
     def beats(self, other: UnknownPlace) -> bool:
-        """Whether the residual beside another input is clearly larger, in units of what this one leaves."""
+        """Whether the residual given another input is clearly larger, in units of what this one leaves."""
         return 1 + other.left > THRESHOLDS.criterion.deviations**2 * (1 + self.left)
 
 
@@ -84,6 +84,10 @@ def unknown_place(
     context: FitContext, fit: Fit, check: Callable[[], None], likely: Sequence[int] = ()
 ) -> UnknownPlace | None:
     """The joint where an arbitrary torque explains what a model leaves, if on no other joint it does.
+
+    A fit with an arbitrary torque at a place relies only on what that torque cannot change. At the right
+    place all joints then agree with the noise, whatever the law is; elsewhere they do not, as in fault
+    isolation by unknown-input observers.
 
     Of more than a few joints, the `likely` ones and those with the largest residual are tried. None for a
     single joint, where the input explains everything, whatever is missing. `check`: called between fits; may
@@ -124,7 +128,7 @@ def unknown_place(
 
 
 @dataclass(frozen=True, eq=False)
-class BesideUnknown:
+class UnknownInputFit:
     """A model whose parameters an unknown law does not bias; `fit`: in units of the noise without it."""
 
     place: UnknownPlace
@@ -132,17 +136,17 @@ class BesideUnknown:
     covariance: Covariance
 
     @staticmethod
-    def of(context: FitContext, fit: Fit, place: UnknownPlace | None) -> BesideUnknown | None:
-        """The model of a fit beside the input at a place; None if there is no place for this model."""
+    def of(context: FitContext, fit: Fit, place: UnknownPlace | None) -> UnknownInputFit | None:
+        """The model of a fit given the input at a place; None if there is no place for this model."""
         if place is None or place.layout != fit.layout:
             return None
         beside = context.with_unknown_input(place.unknown)
         try:
-            covariance = beside.covariance(beside.fit(fit.layout, place.x, iterations=0))
+            covariance, _ = beside.covariances(beside.fit(fit.layout, place.x, iterations=0))
             again = context.fit(fit.layout, place.x, iterations=0, near=fit)
         except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
             return None
-        return BesideUnknown(place, replace(again, unbiased=True), covariance)
+        return UnknownInputFit(place, replace(again, unbiased=True), covariance)
 
     def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Note]:
         """The place, and parameters that are clearly different in a fit without the input."""
@@ -151,10 +155,10 @@ class BesideUnknown:
         yield Note("place", self.place.text + shaken)
         # an input on the motor side also changes the deflection
         sound = self.place.complete and self.place.converged and self.place.unknown.side != "motor"
-        if told := ", ".join(self._told(context, biased) if sound else ()):
-            yield Note("unbiased", f"beside this arbitrary torque: {told}")
+        if values := ", ".join(self._unbiased(context, biased) if sound else ()):
+            yield Note("unbiased", f"given this arbitrary torque: {values}")
 
-    def _told(self, context: FitContext, biased: Fit) -> Iterator[str]:
+    def _unbiased(self, context: FitContext, biased: Fit) -> Iterator[str]:
         """What is said of each parameter that differs clearly."""
         layout, start = self.fit.layout, context.start(self.fit.layout)
         at_bound = np.isclose(self.fit.x, start.bounds.lower) | np.isclose(self.fit.x, start.bounds.upper)
@@ -173,9 +177,9 @@ class BesideUnknown:
 
 
 def locate_unknown(
-    context: FitContext, fit: Fit, beside: BesideUnknown | None, changing: ChangingSize | None
+    context: FitContext, fit: Fit, beside: UnknownInputFit | None, changing: ChangingSize | None
 ) -> Located:
-    """Where the residual lies: with the parameters beside the input, if there is one.
+    """Where the residual lies: with the parameters given the input, if there is one.
 
     The joint of a size that changes comes first, or else that of the input.
     """

@@ -15,7 +15,7 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 # on a flank. For simulated gaps of 13 joints, other values explain less at the true parameters.
 IDLE_SHARE, LOADED_SHARE, RINGING_TIME, FAINT_SHARE = 0.06, 0.12, 0.06, 0.01  # [], [], [s], []
 START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: initial gaps of a search
-# Smallest share of the compliance that a start keeps beside a gap. Verdicts and values of three two-joint
+# Smallest share of the compliance that a start keeps with a gap. Verdicts and values of three two-joint
 # sets (backlash, hardening, ripple) agree to 1e-9 for 0.1, 0.2 and 0.4.
 LEAST_COMPLIANCE = 0.2
 

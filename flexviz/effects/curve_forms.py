@@ -148,7 +148,7 @@ class FormFamily:
     ) -> tuple[dict[str, float], float]:
         """Parameters and explained share of the best curve of the family.
 
-        With `shifted` beside a constant, in each direction of its sign, that other effects may have taken:
+        With `shifted`, plus a constant, in each direction of its sign, that other effects may have taken:
         Coulomb friction in the model leaves a curve of position known up to a step.
         """
         low, high = float(points.x.min()), float(points.x.max())

@@ -73,7 +73,7 @@ class HiddenStart:
 
 
 class Effect(ABC):
-    """A physical effect beside the base model.
+    """A physical effect in addition to the base model.
 
     Motor effects add their torque to the motor's friction, s = τ − Bθ̈ − f_mv θ̇ − u, and so shift q and its
     derivatives by those of u/K; joint effects change the deflection, q = θ − s/K + u; link and load effects
@@ -108,11 +108,13 @@ class Effect(ABC):
         by_temperature: u depends on the temperature of the runs, which their groups have to state.
         common: always listed, not in a folded section.
         instead_of: an effect of the same joint for which it may be mistaken; the better one is kept.
+        merges: effects of the same joint for which, found together, it stands alone where they are no better.
         only_among_many: a search for single effects leaves it out.
         after_rest: it acts on what follows a standstill only.
         scales_torque: its first parameter g scales the recorded torque by 1 + g.
         size_at: positions of the parameters that are zero when the effect is absent.
         stopgap: not physics: never a candidate, added only on request.
+        sensed: an error of a torque sensor may be of the same form.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
         constant: u is a constant torque.
         offset_parameter: parameter that amounts to a constant torque of the joint.
@@ -147,11 +149,13 @@ class Effect(ABC):
     by_temperature: ClassVar[bool] = False
     common: ClassVar[bool] = False
     instead_of: ClassVar[str | None] = None
+    merges: ClassVar[tuple[str, ...]] = ()
     only_among_many: ClassVar[bool] = False
     after_rest: ClassVar[bool] = False
     scales_torque: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     stopgap: ClassVar[bool] = False
+    sensed: ClassVar[bool] = False
     usual: ClassVar[bool] = False
     constant: ClassVar[bool] = False
     offset_parameter: ClassVar[str | None] = None
@@ -171,6 +175,16 @@ class Effect(ABC):
         """How u enters the equation."""
         entries: dict[Where, Entry] = {"motor": "torque", "sensing": "torque", "joint": "deflection"}
         return entries.get(self.where, "residual")
+
+    @property
+    def behind_gear(self) -> bool:
+        """Whether a torque sensor behind the gear can show it: it is none of motor and gear."""
+        return self.where != "motor" or self.sensed
+
+    @property
+    def behind_spring(self) -> bool:
+        """Whether it is none, or the same as another effect, on a joint without elasticity."""
+        return self.where == "joint"
 
     @abstractmethod
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
@@ -198,11 +212,14 @@ class Effect(ABC):
         return np.zeros(0)
 
     def precision(self, torque: float) -> Array | None:
-        """Inverse covariance (P, P) of a prior beside the parameters' own; `torque`: the joint's rms."""
+        """Inverse covariance (P, P) of a prior on top of the parameters' own; `torque`: the joint's rms."""
         return None
 
-    def gravity(self, values: Array) -> Array | None:
-        """Acceleration of gravity (3,) [m/s²], which enters Y; None unless the terms' entry is "gravity"."""
+    def gravity(self, values: Array, stated: Array) -> Array | None:
+        """Acceleration of gravity (3,) [m/s²] instead of the `stated` one, in the base's frame.
+
+        It enters Y. None unless the terms' entry is "gravity".
+        """
         return None
 
     # -- judging a fit
@@ -256,6 +273,10 @@ class Effect(ABC):
 
     def refining(self, simpler: Array) -> Array:
         """Start values from those of the effect that it replaces."""
+        return self.sizes()
+
+    def merged(self, values: Mapping[str, Array]) -> Array:
+        """Start values from those of the effects that it merges, by their names."""
         return self.sizes()
 
     # -- simulation

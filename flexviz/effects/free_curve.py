@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 from math import log10, tanh
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from flexviz._scipy import sp
 from flexviz.effects.law import LawEffect, LoadedEffect
 from flexviz.effects.terms import SIGN_VELOCITY, Array, JointMotion, JointState, ParameterSpec, smooth_sign
 
@@ -27,31 +28,14 @@ DIRECTIONS = ("forward", "backward")
 
 
 @cache
-def _curvature() -> Array:
-    """Second derivatives at the nodes of the splines that are one at one node and zero at the others.
-
-    Shape (NODES, NODES): nodes; splines (de Boor, A Practical Guide to Splines, chapter IV).
-    """
-    out = np.zeros((NODES, NODES))
-    matrix = np.eye(NODES - 2, k=-1) + 4 * np.eye(NODES - 2) + np.eye(NODES - 2, k=1)
-    out[1:-1] = np.linalg.solve(matrix, 6 * np.diff(np.eye(NODES), 2, axis=0))
-    return out
+def _splines() -> Any:
+    """The natural splines that are one at one node and zero at the others."""
+    return sp.interpolate.CubicSpline(np.arange(NODES), np.eye(NODES), bc_type="natural")
 
 
 def _cardinal(place: Array, order: int) -> Array:
     """These splines, or their first or second derivatives, at N places 0 … NODES − 1, shape (N, NODES)."""
-    before = np.clip(place.astype(int), 0, NODES - 2)
-    u = place - before
-    # of the values and of the second derivatives at the nodes before and after
-    values, bends = (
-        ((1 - u, u), ((1 - u) * ((1 - u) ** 2 - 1) / 6, u * (u**2 - 1) / 6)),
-        ((-1.0, 1.0), ((1 - 3 * (1 - u) ** 2) / 6, (3 * u**2 - 1) / 6)),
-        ((0.0, 0.0), (1 - u, u)),
-    )[order]
-    rows, curvature = np.arange(len(place)), _curvature()
-    out: Array = bends[0][:, None] * curvature[before] + bends[1][:, None] * curvature[before + 1]
-    for k in range(2):
-        out[rows, before + k] += values[k]
+    out: Array = _splines()(place, order)
     return out
 
 

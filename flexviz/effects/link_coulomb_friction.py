@@ -25,6 +25,10 @@ class LinkCoulombFriction(LinearEffect):
     hidden_state = True  # the reversals of the link
     common = True
 
+    @property
+    def behind_spring(self) -> bool:
+        return True  # that of the motor
+
     def columns(self, motion: JointMotion) -> Array:
         return smooth_sign(motion.link_velocity)[np.newaxis]
 

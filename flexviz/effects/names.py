@@ -9,6 +9,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "directional_friction",
     "thinning_friction",
     "load_dependent_friction",
+    "driving_friction",
     "presliding_hysteresis",
     "startup_friction",
     "friction_drift",
@@ -41,7 +42,7 @@ EFFECT_FAMILIES: dict[str, tuple[str, ...]] = {
         "startup_friction",
     ),
     "constant_torque": ("torque_offset", "base_tilt", "cable_spring", "gravity_compensator"),
-    "torque_scale": ("load_dependent_friction", "torque_gain"),
+    "torque_scale": ("load_dependent_friction", "driving_friction", "torque_gain"),
 }
 """Name of a family -> its effects, the simplest first.
 

@@ -21,7 +21,7 @@ class StribeckFriction(LawEffect):
     explanation = "Friction is higher at creeping speed than in motion: the lubricant film has not built up."
     equation = "u = f_s exp(−(θ̇/v_s)²) sign(θ̇)"
     signature = "A pair of peaks against velocity, on either side of standstill."
-    confirm = "Very slow motion in both directions beside normal motion."
+    confirm = "Very slow motion in both directions together with normal motion."
     reference = ARMSTRONG
     usual = True
     parameters = (

@@ -228,6 +228,10 @@ class Context(Protocol):
         """Joint torque of unit gravity acceleration along a base axis, shape (N, n) [Nm s²/m]."""
         ...
 
+    def gravity(self) -> Array:
+        """Acceleration of gravity (3,) [m/s²] that the set states, in the base's frame."""
+        ...
+
     def count(self) -> int:
         """Number of samples N."""
         ...

@@ -13,6 +13,7 @@ class TorqueOffset(LinearEffect):
     name = "torque_offset"
     title = "Torque offset"
     where = "motor"
+    sensed = True
     plot_against = "position"
     explanation = (
         "The recorded torque is wrong by a constant, for example from a current sensor's zero error."

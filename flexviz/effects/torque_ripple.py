@@ -11,6 +11,7 @@ class TorqueRipple(Ripple):
     name = "torque_ripple"
     title = "Torque ripple"
     where = "motor"
+    sensed = True
     explanation = "Cogging of the motor or an eccentric gear: a torque that repeats with the angle."
     equation = "u = a sin(nθ + φ)"
     signature = "A sine against position, with the same phase in both directions and at any speed."

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexviz.arrays import Bools
 from flexviz.effects.terms import Array, JointMotion
+from flexviz.mounting import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,9 @@ class TrialMotion:
     def gravity_torque(self, axis: int) -> Array:
         angle = self.link_state(0)[0]
         return self._both(self.arm * (np.sin(angle), np.zeros_like(angle), -np.cos(angle))[axis])
+
+    def gravity(self) -> Array:
+        return np.array(GRAVITY)
 
     def count(self) -> int:
         return len(self.time)

@@ -217,7 +217,8 @@ class _Checks:
 
     def entry(self, said: str, p: Array) -> None:
         """An effect that turns gravity, and no other, says so in its terms and in the property `entry`."""
-        turns = self._effect.gravity(p) is not None
+        with self.running("gravity"):
+            turns = self._effect.gravity(p, TRIAL.gravity()) is not None
         if turns != (said == "gravity") or turns != (self._effect.entry == "gravity"):
             own = self._effect.entry
             why = 'gravity(), the terms\' entry "gravity" and the property entry "gravity" belong together'

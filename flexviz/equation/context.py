@@ -130,6 +130,9 @@ class EffectContext:
             self._cache[key] = out
         return self._cache[key]
 
+    def gravity(self) -> Array:
+        return self._link.gravity
+
     def gravity_torque(self, axis: int) -> Array:
         key = ("gravity", axis)
         if key not in self._cache:
@@ -257,14 +260,14 @@ class EffectContext:
         return fine_signals(self._signals, self._fine_bands(), self._shared)
 
     def seen(self) -> Array:
-        """Band in which effects see the transmission torque beside the observer's, shape (n,) [rad/s]."""
+        """Band in which effects see the transmission torque, after the observer's, shape (n,) [rad/s]."""
         if not self._signals.sharp:
             return np.zeros(self._layout.n)
         return 2 * np.pi * np.min(self._fine_bands().narrow, axis=0)
 
     def _fine_bands(self) -> FineBands:
         if self._bands is None:
-            inertia, stiffness = self._x[self._layout.motor_inertia], 1 / self._x[self._layout.compliance]
+            inertia, stiffness = self._layout.motor_side(self._x)[0], 1 / self._x[self._layout.compliance]
             self._bands = fine_bands(self._signals, inertia, stiffness, self._shared)
         return self._bands
 
@@ -275,7 +278,7 @@ class EffectContext:
             fine = self.fine()
             self._used = None if self.s is not None else fine
             if self._at is None or self._at.fine is not fine:
-                self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
+                self._at = WideMotions(self._signals, self._layout, self._x, fine)
             self._motions[joint] = self._at.of(joint, self.s)
         return self._motions[joint]
 

@@ -2,29 +2,59 @@
 
 The solver uses the compliance c = 1/K: q = θ − c s is linear in c, a rigid joint is c = 0, and the residual
 is nearly linear in c, so that a start value wrong by a factor of ten is corrected in about one step.
+
+A rigid joint keeps its place in the vector, held at `RIGID`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
+from flexviz.equation.torque_side import behind_gear
+from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.model import INERTIAL_UNITS, EffectValue, FlexibleModel
 
 INERTIAL_NAMES = tuple(INERTIAL_UNITS)
+RIGID = 1e-12  # [rad/Nm] of a rigid joint: a nanometre at the end of a long arm under any torque
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters."""
+    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters.
+
+    Without motors (τ was measured behind the gear) there is no B and no f_mv: their slices are empty. Of
+    joints without elasticity c is held at 0 and all viscous friction is f_mv; of joints without a torque B
+    and f_mv are held.
+    """
 
     joints: tuple[str, ...]  # names of the joints
     effects: tuple[ChosenEffect, ...] = ()  # the model's effects
+    motors: bool = True  # whether τ is that of the motors
+    rigid: tuple[int, ...] = ()  # joints without elasticity
+    no_torque: tuple[int, ...] = ()  # joints whose equation is left out
+
+    @property
+    def fitted(self) -> Bools:
+        """Joints whose torque is fitted, shape (n,)."""
+        return ~np.isin(np.arange(self.n), self.no_torque)
+
+    @property
+    def held(self) -> Bools:
+        """Parameters that this model does not have, shape (P,)."""
+        held = np.zeros(self.size, bool)
+        held[self.compliance.start + np.array(self.rigid, int)] = True
+        for side in (self.motor_inertia, self.motor_viscous):
+            if side.stop > side.start:
+                held[side.start + np.array(self.no_torque, int)] = True
+        if self.motors:
+            held[self.link_viscous.start + np.array(self.rigid, int)] = True
+        return held
 
     @property
     def n(self) -> int:
@@ -40,19 +70,41 @@ class Layout:
 
     @property
     def motor_inertia(self) -> slice:
-        return slice(11 * self.n, 12 * self.n)
+        return slice(11 * self.n, 11 * self.n + self._motors)
 
     @property
     def link_viscous(self) -> slice:
-        return slice(12 * self.n, 13 * self.n)
+        first = self.motor_inertia.stop
+        return slice(first, first + self.n)
 
     @property
     def motor_viscous(self) -> slice:
-        return slice(13 * self.n, 14 * self.n)
+        first = self.link_viscous.stop
+        return slice(first, first + self._motors)
 
     @property
     def effect_start(self) -> int:
-        return 14 * self.n
+        return self.motor_viscous.stop
+
+    @property
+    def _motors(self) -> int:
+        return self.n if self.motors else 0
+
+    def motor_side(self, x: Array) -> tuple[Array, Array]:
+        """B [kg m²] and f_mv [Nm s/rad] of every joint, (n,) each; zero without motors, or a torque."""
+        if not self.motors:
+            return np.zeros(self.n), np.zeros(self.n)
+        return x[self.motor_inertia] * self.fitted, x[self.motor_viscous] * self.fitted
+
+    def with_effects(self, effects: Iterable[ChosenEffect] = ()) -> Layout:
+        """The layout with other effects, by default with none."""
+        return replace(self, effects=tuple(effects))
+
+    def can_have(self, effect: ChosenEffect) -> bool:
+        """Whether an effect can act: none without a torque, no elastic or link-side one on a rigid joint."""
+        if effect.joint in self.no_torque:
+            return False
+        return effect.joint not in self.rigid or not EFFECTS[effect.effect].behind_spring
 
     @property
     def has_reversals(self) -> bool:
@@ -97,9 +149,9 @@ class Layout:
             (name, j, unit) for j in self.joints for name, unit in INERTIAL_UNITS.items()
         ]
         rows += [("stiffness", j, "Nm/rad") for j in self.joints]
-        rows += [("motor_inertia", j, "kg m²") for j in self.joints]
+        rows += [("motor_inertia", j, "kg m²") for j in self.joints if self.motors]
         rows += [("link_viscous_friction", j, "Nm s/rad") for j in self.joints]
-        rows += [("motor_viscous_friction", j, "Nm s/rad") for j in self.joints]
+        rows += [("motor_viscous_friction", j, "Nm s/rad") for j in self.joints if self.motors]
         for effect in self.effects:
             specs = EFFECTS[effect.effect].parameters
             rows += [(f"{effect.effect}.{p.name}", self.joint_name(effect), p.unit) for p in specs]
@@ -117,19 +169,26 @@ class Layout:
             )
             for effect, where in self.effect_slices()
         ]
+        inertia, viscous = (
+            x[side] if self.motors else np.zeros(self.n) for side in (self.motor_inertia, self.motor_viscous)
+        )
+        stiffness = 1 / x[self.compliance]
+        stiffness[list(self.rigid)] = np.inf
         return FlexibleModel(
-            self.joints, 1 / x[self.compliance], x[self.motor_inertia], x[self.link_viscous],
-            x[self.motor_viscous], x[self.inertial].reshape(self.n, 10), tuple(values),
+            self.joints, stiffness, inertia, x[self.link_viscous],
+            viscous, x[self.inertial].reshape(self.n, 10), tuple(values),
         )  # fmt: skip
 
     def vector(self, model: FlexibleModel) -> Array:
         """The model as a vector; effects that it does not have are zero."""
         x = np.zeros(self.size)
         x[self.inertial] = model.inertial.ravel()
-        x[self.compliance] = 1 / model.stiffness
-        x[self.motor_inertia] = model.motor_inertia
+        x[self.compliance] = np.maximum(1 / model.stiffness, RIGID)
+        x[self.compliance][list(self.rigid)] = RIGID
         x[self.link_viscous] = model.link_viscous_friction
-        x[self.motor_viscous] = model.motor_viscous_friction
+        if self.motors:
+            x[self.motor_inertia] = model.motor_inertia
+            x[self.motor_viscous] = model.motor_viscous_friction
         known = {(e.effect, e.joint, e.group, e.payload): e.parameters for e in model.effects}
         for effect, where in self.effect_slices():
             key = (effect.effect, self.joint_name(effect), effect.group, effect.payload)
@@ -139,9 +198,21 @@ class Layout:
 
 
 def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layout:
-    """Layout of a set's model with additional effects; InputError for one that does not exist."""
+    """Layout of a set's model with additional effects; InputError for one that does not exist.
+
+    Effects that are wanted on every joint are left out where a rigid joint, or one without a torque, cannot
+    have them.
+    """
     groups = [group.name for group in measurements.groups]
     wanted = (*measurements.effects, *effects)
-    return Layout(
-        measurements.joints, choose_effects(wanted, measurements.joints, measurements.carried, groups)
+    chosen = choose_effects(wanted, measurements.joints, measurements.carried, groups)
+    rigid, no_torque = (
+        tuple(map(measurements.joints.index, names)) for names in (measurements.rigid, measurements.no_torque)
     )
+    layout = Layout(measurements.joints, (), not behind_gear(measurements), rigid, no_torque)
+    for effect in chosen:
+        if not layout.can_have(effect) and effect.text(layout.joints) in wanted:
+            why = "has no torque" if effect.joint in no_torque else "is rigid"
+            joint = layout.joint_name(effect)
+            raise InputError(f'effect "{effect.text(layout.joints)}": {joint} {why} in this set\'s model')
+    return layout.with_effects(filter(layout.can_have, chosen))

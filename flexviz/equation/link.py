@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexviz._pinocchio import pin
+from flexviz._pinocchio import pin, torques
 from flexviz.arrays import Array
 from flexviz.robot import Robot
 
@@ -24,7 +24,7 @@ class LinkTerms:
     dv: Array  # (N, n, n), ∂(YΓ)/∂q̇ [Nm s/rad]
     mass: Array  # (N, n, n), M(q) [kg m²]
     torque: Array | None = None  # (N, n), transmission torque of the joints [Nm]; None if it is not known
-    # (n,) [rad/s], band in which effects see that torque, beside the observer's; None for all frequencies
+    # (n,) [rad/s], band in which effects see that torque, after the observer's; None for all frequencies
     seen: Array | None = None
 
     def rows(self, rows: slice) -> LinkTerms:
@@ -95,10 +95,13 @@ class LinkDynamics:
         self._set(self._model, parameters)
         states = [level.T for level in self._rows(q, v, a)]
         with _under(self._model, gravity):
-            pool = pin.ModelPool(self._model, 1)
-            # one thread, like `evaluate`: the other cores have work of their own
-            torque = pin.rneaInParallel(1, pool, *states).T
+            torque = torques(self._model, *states).T
         return self._robot.from_pin(torque.reshape(q.shape))  # Pinocchio drops an axis of length 1
+
+    @property
+    def gravity(self) -> Array:
+        """The robot's acceleration of gravity in the base's frame, shape (3,) [m/s²]."""
+        return np.array(self._robot.gravity)
 
     def gravity_torque(self, parameters: Array, q: Array, axis: int) -> Array:
         """Y Γ at rest under an acceleration of 1 m/s² along a base axis, shape (N, n) [Nm]."""

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from flexviz._scipy import sp
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.fine_signals import FineSignals
 from flexviz.equation.layout import Layout
 from flexviz.equation.signals import Block, Signals
-from flexviz.interpolation import CubicInterpolation
 from flexviz.observers import ButterworthZeroPhase
 
 Level = tuple[Array, Array]  # transmission torque and its rate in one stretch, shape (N_fine,) each
@@ -50,14 +50,11 @@ class WideMotions:
 
     Args:
         fine: wide-band signals of every stretch.
-        shared: cache of quantities that depend on the signals only.
     """
 
-    def __init__(
-        self, signals: Signals, layout: Layout, x: Array, fine: list[FineSignals], shared: dict[object, Any]
-    ) -> None:
+    def __init__(self, signals: Signals, layout: Layout, x: Array, fine: list[FineSignals]) -> None:
         self.fine = fine
-        self._signals, self._layout, self._x, self._shared = signals, layout, x, shared
+        self._signals, self._layout, self._x = signals, layout, x
         self._wide: dict[int, list[Level]] = {}
         self._smooth: dict[int, list[Level]] = {}
         self._in_band: dict[int, list[Array | None]] = {}
@@ -112,7 +109,7 @@ class WideMotions:
         """The wide-band torque."""
         if joint not in self._wide:
             lay, x = self._layout, self._x
-            inertia, viscous = x[lay.motor_inertia][joint], x[lay.motor_viscous][joint]
+            inertia, viscous = (values[joint] for values in lay.motor_side(x))
             self._wide[joint] = levels = []
             for fine in self.fine:
                 theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
@@ -135,15 +132,15 @@ class WideMotions:
         out, wide = [], zip(self._smooth[joint], self._in_band[joint], strict=True)
         for fine, block, (smooth, in_band) in zip(self.fine, self._signals.blocks, wide, strict=True):
             torque, rate = (level.copy() for level in smooth)
-            between, inside, near = self._known(fine, block)
+            inside, near = self._inside(fine, block)
+            known = s[block.rows, joint] - (0.0 if in_band is None else in_band)
+            between = sp.interpolate.CubicSpline(self._signals.time[block.rows], known)
+            change, slope = between(fine.time[inside]), between(fine.time[inside], 1)
             if in_band is None:
-                found, slope = between.read(s[block.rows, joint])
-                change = found - torque[inside]
-                torque[inside], rate[inside] = found, slope
-            else:
-                change, slope = between.read(s[block.rows, joint] - in_band)
-                torque[inside] += change
-                rate[inside] += slope
+                change -= torque[inside]
+                rate[inside] = 0.0
+            torque[inside] += change
+            rate[inside] += slope
             torque[: inside.start] += np.median(change[:near])
             torque[inside.stop :] += np.median(change[-near:])
             out.append((torque, rate))
@@ -164,7 +161,7 @@ class WideMotions:
     def _without_friction(self, joint: int) -> list[Level]:
         """The wide-band torque without friction; unless the signals are sharp, at both ends only.
 
-        Only laws of the joint's own motion are subtracted: with a torque gain, a delay or coupling beside
+        Only laws of the joint's own motion are subtracted: with a torque gain, a delay or coupling as well as
         damping, the residual still errs at both ends of a stretch.
         """
         laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
@@ -175,7 +172,7 @@ class WideMotions:
         parts = zip(self.fine, self._signals.blocks, self.of(joint, None), strict=True)
         for (fine, block, motion), wide in zip(parts, self._wide_levels(joint), strict=True):
             torque, rate = (level.copy() for level in wide)
-            _, inside, near = self._known(fine, block)
+            inside, near = self._inside(fine, block)
             friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
             band = ButterworthZeroPhase(2 * np.pi * float(fine.torque_hertz[joint]))
             reach = round(band.memory() / motion.step)
@@ -189,15 +186,12 @@ class WideMotions:
             out.append((torque, rate))
         return out
 
-    def _known(self, fine: FineSignals, block: Block) -> tuple[CubicInterpolation, slice, int]:
-        """Interpolation to fine samples, their slice, and how many at each end align the wide-band torque."""
+    def _inside(self, fine: FineSignals, block: Block) -> tuple[slice, int]:
+        """Fine samples within the equation's, and how many at each end align the wide-band torque."""
         time = self._signals.time[block.rows]
         first = int(np.searchsorted(fine.time, time[0]))
         last = int(np.searchsorted(fine.time, time[-1], side="right"))
-        key = ("between", block.group, float(time[0]), float(time[-1]), len(time))
-        if key not in self._shared:
-            self._shared[key] = CubicInterpolation(time, fine.time[first:last])
-        return self._shared[key], slice(first, last), max(1, round(OVERLAP / fine.step))
+        return slice(first, last), max(1, round(OVERLAP / fine.step))
 
 
 def _ends(head: int, tail: int, count: int, reach: int) -> list[tuple[slice, slice]]:
@@ -214,7 +208,7 @@ def _ends(head: int, tail: int, count: int, reach: int) -> list[tuple[slice, sli
 
 def viscous_scale(layout: Layout, x: Array, joint: int) -> tuple[float, float, float]:
     """Motor-side viscous friction that scales effects, bounded from below; derivatives by f_mv and f_lv."""
-    motor, link = float(x[layout.motor_viscous][joint]), float(x[layout.link_viscous][joint])
+    motor, link = float(layout.motor_side(x)[1][joint]), float(x[layout.link_viscous][joint])
     share = LEAST_VISCOUS_SHARE
     if motor >= max(share * (motor + link), LEAST_VISCOUS):
         return motor, 1.0, 0.0

@@ -23,6 +23,7 @@ from flexviz.equation.initial_state import InitialStates, initial_states
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
+from flexviz.equation.predicted_torque import predict_torques
 from flexviz.equation.signals import Signals
 from flexviz.errors import InputError
 from flexviz.robot import Robot
@@ -46,7 +47,9 @@ class Evaluation:
 
 
 class Equation:
-    """r(x) for given signals and effects.
+    """r(x) for given signals and effects: what the links' motion leaves of the transmission torque.
+
+    The link side, which is not measured, is eliminated by q = θ − s/K. Γ enters linearly, K through q.
 
     Args:
         robot: rigid-body model.
@@ -109,9 +112,21 @@ class Equation:
 
     def without_effects(self, x: Array) -> Array:
         """q without any effect, shape (3, N, n), as an initial link side for the effects."""
+        return self.signals.theta[:3] - x[self.layout.compliance] * self.transmitted(x)
+
+    def transmitted(self, x: Array) -> Array:
+        """s without any effect and its derivatives, shape (3, N, n) [Nm/s^k]; predicted without a torque."""
         lay, sig = self.layout, self.signals
-        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:] - x[lay.motor_viscous] * sig.theta[1:4]
-        return sig.theta[:3] - x[lay.compliance] * s
+        inertia, viscous = lay.motor_side(x)
+        s = sig.tau - inertia * sig.theta[2:] - viscous * sig.theta[1:4]
+        if lay.no_torque:
+            predict_torques(s, self.link, sig, lay, x, self.bodies(x))
+        return s
+
+    def bodies(self, x: Array) -> list[tuple[slice, Array]]:
+        """Rows and inertial parameters with payload, shape (n, 10), of each block."""
+        inertial = x[self.layout.inertial].reshape(self.layout.n, 10)
+        return [(b.rows, inertial + self.signals.payload[b.group]) for b in self.signals.blocks]
 
 
 class OperatingPoint:
@@ -185,8 +200,7 @@ class OperatingPoint:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
         lay, sig = self.layout, self.signals
         terms = self.terms(x, with_residual=False) if terms is None else terms
-        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:]
-        s -= x[lay.motor_viscous] * sig.theta[1:4]
+        s = self.equation.transmitted(x)
         for _, term in terms:
             if term.entry == "torque":
                 s[:, :, list(term.joints)] -= term.value
@@ -199,7 +213,7 @@ class OperatingPoint:
     def link_terms(self, x: Array) -> LinkTerms:
         """The rigid-body terms at x."""
         s, q = self.motor_side(x)
-        link = self.equation.link.evaluate(self._bodies(x), *q, gravity=self._gravity(x))
+        link = self.equation.link.evaluate(self.equation.bodies(x), *q, gravity=self._gravity(x))
         return self._with_torque(link, s[0])
 
     def _with_torque(self, link: LinkTerms, torque: Array) -> LinkTerms:
@@ -215,11 +229,12 @@ class OperatingPoint:
         s, q = self.motor_side(x, terms)
         residual = s[0] - x[self.layout.link_viscous] * q[1]
         gravity = self._gravity(x)
-        for rows, parameters in self._bodies(x):
+        for rows, parameters in self.equation.bodies(x):
             residual[rows] -= self.equation.link.torque(parameters, *q[:, rows], gravity=gravity)
         residual = _without(terms, residual)
         for stretch in self._initial or []:
             stretch.remove_from(residual)
+        residual[:, list(self.layout.no_torque)] = 0.0
         return residual
 
     def evaluate(self, x: Array, *, moving: bool = False) -> Evaluation:
@@ -235,7 +250,7 @@ class OperatingPoint:
         lay = self.layout
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)
-        blocks = self._bodies(x)
+        blocks = self.equation.bodies(x)
         jacobian = np.zeros((self.signals.count, lay.n, lay.size))
         regressor = jacobian[:, :, lay.inertial]
         link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
@@ -255,16 +270,21 @@ class OperatingPoint:
         for stretch in self._initial:
             stretch.remove_from(residual)
             stretch.remove_from(jacobian)
+        left_out = list(lay.no_torque)
+        residual[:, left_out], jacobian[:, left_out] = 0.0, 0.0
         return Evaluation(residual, jacobian, s, q, link)
 
     def _fill(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain, s: Array, q: Array) -> None:
         """∂r/∂x (N, n, P), but for the inertial parameters, before initial states are removed."""
-        lay, theta = self.layout, self.signals.theta
+        lay = self.layout
         for j in range(lay.n):
             jacobian[:, :, lay.compliance.start + j] = -chain.column("deflection", (j,), s[:, :, [j]])
-            jacobian[:, :, lay.motor_inertia.start + j] = chain.column("torque", (j,), theta[2:, :, [j]])
-            jacobian[:, :, lay.motor_viscous.start + j] = chain.column("torque", (j,), theta[1:4, :, [j]])
+            for column, fall in self._motor_columns(j):
+                jacobian[:, :, column] = chain.column("torque", (j,), fall[..., None])
             jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
+        for j in lay.no_torque:  # its s is predicted
+            bend = -x[lay.compliance][j] * self.signals.theta[1:4, :, [j]]
+            jacobian[:, :, lay.link_viscous.start + j] = chain.column("deflection", (j,), bend)
         for where, term in terms:
             jacobian[:, :, where] = chain.columns(term.entry, term.joints, term.slopes)
         for effect, (_, term) in zip(lay.effects, terms, strict=True):
@@ -272,20 +292,28 @@ class OperatingPoint:
                 (j,) = term.joints
                 scale, by_motor, by_link = viscous_scale(lay, x, j)
                 column = chain.column(term.entry, term.joints, term.value / scale)
-                jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
+                if lay.motors:
+                    jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
                 jacobian[:, :, lay.link_viscous.start + j] += by_link * column
+
+    def _motor_columns(self, j: int) -> list[tuple[int, Array]]:
+        """Places of B and f_mv of a joint, each with what s falls by, (3, N); none without motors."""
+        lay, theta = self.layout, self.signals.theta
+        if not lay.motors:
+            return []
+        inertia, viscous = lay.motor_inertia.start + j, lay.motor_viscous.start + j
+        return [(inertia, theta[2:, :, j]), (viscous, theta[1:4, :, j])]
 
     def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
         """Add ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s."""
-        lay, theta = self.layout, self.signals.theta
+        lay = self.layout
         for effect, where in lay.effect_slices():
             law, j = EFFECTS[effect.effect], effect.joint
             if not isinstance(law, LoadedEffect) or j is None:
                 continue
             parts = [law.torque_slope(m, x[where])[None] for m in self.context.motions(j)]
             gain = self.context.filtered(parts, j, 3)[0]  # (3, N)
-            moves = [(lay.motor_inertia.start + j, theta[2:, :, j])]
-            moves.append((lay.motor_viscous.start + j, theta[1:4, :, j]))
+            moves = self._motor_columns(j)
             for at, term in terms:
                 if term.entry == "torque" and j in term.joints and at != where:
                     slopes = term.slopes[..., term.joints.index(j)]
@@ -298,13 +326,9 @@ class OperatingPoint:
 
     def _gravity(self, x: Array) -> Array | None:
         """Acceleration of gravity (3,) at x; None: that of the model."""
-        changed = (EFFECTS[e.effect].gravity(x[where]) for e, where in self.layout.effect_slices())
+        stated = self.equation.link.gravity
+        changed = (EFFECTS[e.effect].gravity(x[where], stated) for e, where in self.layout.effect_slices())
         return next((gravity for gravity in changed if gravity is not None), None)
-
-    def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
-        """Rows and inertial parameters with payload, shape (n, 10), of each block."""
-        inertial = x[self.layout.inertial].reshape(self.layout.n, 10)
-        return [(b.rows, inertial + self.signals.payload[b.group]) for b in self.signals.blocks]
 
 
 def require_temperatures(signals: Signals, layout: Layout) -> None:

@@ -5,7 +5,8 @@ from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
 from flexviz.estimation.instrumental_variables import MAX_ITERATIONS, Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
-from flexviz.estimation.linear_algebra import Bounds, bounded_step, least_norm_solve, scaled_inverse
+from flexviz.estimation.linear_algebra import Bounds, bounded_step, scaled_inverse
+from flexviz.estimation.model_error import FittedModel, with_model_error
 from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened

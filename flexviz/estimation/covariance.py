@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexviz._scipy import sp
 from flexviz.arrays import Array, Bools
 from flexviz.estimation.linear_algebra import scaled_inverse
-from flexviz.fourier import line_counts, quick_length
+from flexviz.fourier import line_counts
 
 SMOOTHED_BANDS = 24  # spectra are averaged over 1/24 of the band
 
@@ -37,8 +38,20 @@ class Covariance:
         """Standard error of each parameter, shape (P,)."""
         return np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
 
+    def replaced(self, matrix: Array) -> Covariance:
+        """With a larger matrix (P, P), of which the prior's part stays as large as it is."""
+        before, now = np.diag(self.matrix), np.diag(matrix)
+        ratio = np.divide(before, now, out=np.ones_like(now), where=now > 0)
+        return Covariance(matrix, self.prior_share * ratio)
 
-def sandwich(information: Array, score: Array, prior: Array, at_bound: Bools | None = None) -> Covariance:
+
+def sandwich(
+    information: Array,
+    score: Array,
+    prior: Array,
+    at_bound: Bools | None = None,
+    measured: Array | None = None,
+) -> Covariance:
     """Sandwich covariance including the uncertainty of the prior.
 
     Args:
@@ -46,6 +59,7 @@ def sandwich(information: Array, score: Array, prior: Array, at_bound: Bools | N
         score: shape (P, P), covariance Jᵀ T J of the score.
         prior: shape (P, P), Hessian of the prior.
         at_bound: shape (P,), parameters held at a bound; default: none.
+        measured: shape (P, P), the part of `prior` that was measured, by static tests; default: none.
     """
     size = len(information)
     free = np.ones(size, bool) if at_bound is None else ~at_bound
@@ -57,7 +71,8 @@ def sandwich(information: Array, score: Array, prior: Array, at_bound: Bools | N
     # far from the noise, rounding of a large score may exceed what the data say: the part of the prior stays
     np.fill_diagonal(from_data, np.maximum(np.diag(from_data), 0.0))
     matrix[index] = from_data + from_prior
-    share[free] = np.diag(from_prior) / np.maximum(np.diag(matrix)[free], 1e-300)
+    believed = from_prior if measured is None else inverse @ (prior - measured)[index] @ inverse
+    share[free] = np.diag(believed) / np.maximum(np.diag(matrix)[free], 1e-300)
     return Covariance(matrix, share)
 
 
@@ -67,6 +82,7 @@ def spectral_covariance(
     rows: Sequence[slice],
     prior: Array,
     at_bound: Bools | None = None,
+    measured: Array | None = None,
 ) -> Covariance:
     """Sandwich covariance with the score from the residual's own spectra; arguments as in the two it uses."""
     flat = jacobian.reshape(-1, jacobian.shape[2])
@@ -74,7 +90,7 @@ def spectral_covariance(
     score = np.zeros((len(prior), len(prior)))
     index = np.arange(len(prior))[free]
     score[np.ix_(index, index)] = score_covariance(residual, jacobian[:, :, free], rows)
-    return sandwich(flat.T @ flat, score, prior, at_bound)
+    return sandwich(flat.T @ flat, score, prior, at_bound, measured)
 
 
 def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
@@ -90,7 +106,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     """
     size = jacobian.shape[2]
     longest = max(r.stop - r.start for r in rows)
-    length = quick_length(2 * longest)
+    length = sp.fft.next_fast_len(2 * longest, real=True)
     spectrum = cross_spectrum(residual, rows, length)
     least = 1e-12 * float(np.trace(spectrum, axis1=1, axis2=2).real.max()) + 1e-300
     total = np.zeros((size, size))

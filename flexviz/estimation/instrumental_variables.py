@@ -116,7 +116,9 @@ def refine(
 ) -> Solved:
     """Solve Zᵀ W r = b (plus the prior) starting from the plain fit x.
 
-    Where noise does not explain the residual, a white model error is added to the noise.
+    Least squares on noisy derivatives is biased, because the noise of r is also in its Jacobian. Instruments
+    Z from a narrow band carry little of it, W is the inverse covariance of the propagated noise, and b =
+    E[Zᵀ W r] what both still share. Where noise does not explain the residual, a white model error is added.
     """
     solved = solve(
         Whitening(two_band), prior, bounds, x, iterations=MAX_ITERATIONS, impatient=True, report=report

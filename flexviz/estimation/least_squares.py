@@ -62,9 +62,11 @@ def gauss_newton(
     max_iterations: int = 60,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
 ) -> Solution:
-    """Minimise ½ Σ (r/σ)² + prior over x.
+    """Minimise ½ Σ (r/σ)² + prior over x by Gauss–Newton with the exact Jacobian.
 
-    σ is the standard deviation of each joint's residual, re-estimated after each convergence.
+    Each step solves (Jᵀ J/σ² + H) δ = −(Jᵀ r/σ² + g), with gradient g and Hessian H of the prior, and is
+    halved until the cost falls. σ is the standard deviation of each joint's residual, re-estimated after
+    each convergence, so that every joint is weighted by its own error.
 
     Args:
         equation: the residual.
@@ -144,7 +146,8 @@ class PlainProblem:
     def _weighted(self, now: Solution) -> Solution:
         floor = 1e-9 * np.sqrt(np.mean(self.equation.signals.tau[0] ** 2, axis=0)) + 1e-12
         sigma = np.sqrt(np.mean(now.evaluation.residual**2, axis=0))
-        weights = np.broadcast_to(1 / np.maximum(sigma, floor), now.evaluation.residual.shape)
+        weights = self.equation.layout.fitted / np.maximum(sigma, floor)
+        weights = np.broadcast_to(weights, now.evaluation.residual.shape)
         return replace(
             now, weights=weights, objective=weighted_cost(now.evaluation, weights, self.prior, now.x)
         )

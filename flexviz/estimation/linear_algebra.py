@@ -36,13 +36,6 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-14) -> Array:
     return inverse * scale[:, None] * scale
 
 
-def least_norm_solve(matrix: Array, right: Array) -> Array:
-    """Solve a symmetric system for right-hand sides (P, K) by pseudoinverse with a unit diagonal."""
-    scale = _scale(matrix)
-    inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-14, hermitian=True)
-    return scale[:, None] * (inverse @ (scale[:, None] * right))
-
-
 def _scale(matrix: Array) -> Array:
     return 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
 
@@ -56,6 +49,10 @@ class Bounds:
 
     def clip(self, x: Array) -> Array:
         return np.clip(x, self.lower, self.upper)
+
+    def holding(self, x: Array, held: Bools) -> Bounds:
+        """The same, with some parameters held at x, shape (P,)."""
+        return Bounds(np.where(held, x, self.lower), np.where(held, x, self.upper))
 
 
 def bounded_step(gradient: Array, hessian: Array, x: Array, bounds: Bounds) -> tuple[Array, Bools]:

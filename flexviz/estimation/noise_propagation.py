@@ -26,7 +26,7 @@ class NoiseDerivatives:
     Attributes:
         orders: shape (D,), order of each derivative.
         lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
-        seen: [rad/s], band in which effects see the transmission torque beside the observer's: what a
+        seen: [rad/s], band in which effects see the transmission torque in addition to the observer's: what a
             damped joint lags behind a spring is filtered like that torque, and once more.
         alone: how many of them, the last ones, pass through an effect only, times 1/(1 + iω·lag)².
     """
@@ -238,7 +238,7 @@ def signal_sensitivity(
     f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k), where c may change with the load (`compliance`, shape (N, n) or
     (n,)). Other sensitivities through the effects are neglected.
     """
-    inertia, viscous = x[layout.motor_inertia], x[layout.motor_viscous]
+    inertia, viscous = layout.motor_side(x)
     compliance = np.broadcast_to(compliance, (len(link.mass), layout.n))[:, None]
     levels = (link.dq, link.dv + np.diag(x[layout.link_viscous]), link.mass)
     theta, tau = (np.zeros((depth, *link.mass.shape)) for depth in DEPTH)
@@ -246,9 +246,11 @@ def signal_sensitivity(
     tau[0] += np.eye(layout.n)
     theta[1] -= np.diag(viscous)
     theta[2] -= np.diag(inertia)
+    # the torque of a joint without one is predicted from the motor's angle: the link's inertia times θ̈
+    moved = np.where(layout.fitted, inertia, -link.mass.diagonal(axis1=1, axis2=2))[:, None]
     for k, level in enumerate(levels):
         theta[k] -= level
         through_tau[k] += level * compliance
         through_theta[k + 1] -= level * (compliance * viscous)
-        through_theta[k + 2] -= level * (compliance * inertia)
+        through_theta[k + 2] -= level * (compliance * moved)
     return (theta, tau), (through_theta, through_tau)

@@ -17,6 +17,7 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
+from flexviz.estimation.holds import HoldsTerm
 
 
 def _basis() -> Array:
@@ -79,6 +80,7 @@ class Prior:
             unused.
         weight: of the inertial part, one number or shape (n,).
         log_spread: shape (P,), standard deviations of ln(x / centre), infinite without; None: all infinite.
+        holds: likelihood of static tests; None without any.
         scales: parameters g by which a joint's torque is scaled, 1 + g, and how many samples they scale.
         coupled: parameters and the inverse covariance of a further normal part around `centre`, of each
             effect that has one.
@@ -92,6 +94,7 @@ class Prior:
     log_spread: Array | None = None
     coupled: tuple[tuple[slice, Array], ...] = ()
     scales: tuple[tuple[int, float], ...] = ()
+    holds: HoldsTerm | None = None
 
     def feasible(self, x: Array) -> bool:
         """Whether all bodies are physically consistent and the parameters of every effect admissible."""
@@ -116,7 +119,8 @@ class Prior:
         relative_part = float(precision @ ratio**2)
         coupled = sum(float(d @ m @ d) for at, m in self.coupled for d in [(x - self.centre)[at]])
         total = (self.weight * divergence).sum() + 0.5 * (normal @ normal + relative_part + coupled)
-        return float(total) - self.volume(x)
+        measured = 0.0 if self.holds is None else self.holds.value(x, self.layout)
+        return float(total) + measured - self.volume(x)
 
     def volume(self, x: Array) -> float:
         """Log of the ratio of the volumes of applied and recorded torques.
@@ -153,7 +157,16 @@ class Prior:
         for k, count in self.scales:
             gradient[k] -= count / max(1 + x[k], 1e-9)
             hessian[k, k] += count / max(1 + x[k], 1e-9) ** 2
+        if self.holds is not None:
+            slope, measured = self.holds.gradient_and_hessian(x, self.layout)
+            gradient, hessian = gradient + slope, hessian + measured
         return gradient, hessian
+
+    def measured(self, x: Array) -> Array:
+        """The part of the Hessian that is no belief but that of static tests, shape (P, P)."""
+        if self.holds is None:
+            return np.zeros((self.layout.size, self.layout.size))
+        return self.holds.gradient_and_hessian(x, self.layout)[1]
 
     def _logs(self, x: Array) -> tuple[Array, Array]:
         """ln(x / centre) where `log_spread` is finite, and its precision, shape (P,) each; zero elsewhere."""

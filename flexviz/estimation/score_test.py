@@ -96,6 +96,13 @@ class Projection:
         """Changes of the model's own parameters, shape (P, C), that imitate signatures (M, C)."""
         return self._inverse @ (self.instruments.T @ columns)
 
+    def remainder(self, columns: Array) -> tuple[Array, Array]:
+        """`share` of weighted signatures (M, C), and the squared norms that it leaves of them, shape (C,)."""
+        inside = self.instruments.T @ columns
+        share = self._inverse @ inside
+        imitated = np.sum(share * (self._gram @ share - 2 * inside), axis=0)
+        return share, np.maximum(np.einsum("mc,mc->c", columns, columns) + imitated, 0.0)
+
     def rest(self, columns: Array) -> Array:
         """Projected signatures of weighted ones, shape (M, C)."""
         return columns - self.instruments @ self.share(columns)
@@ -119,7 +126,11 @@ class ScoredCandidate:
 def score(
     point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
 ) -> list[ScoredCandidate]:
-    """Score of every effect at its best guess.
+    """Score of every effect at its best guess: what it would gain without being fitted.
+
+    For signatures h of the weighted residual, with the model's own parameters projected out, an effect lowers
+    the sum of squares by (hᵀ r)² / (hᵀ h), to first order and in closed form. Values outside their bounds do
+    not count.
 
     Args:
         point: operating point at the present parameters, with the stretches of `weigh`.
@@ -132,14 +143,7 @@ def score(
         one entry per effect, in the order of `wanted`, without effects whose guesses are all out of bounds.
     """
     best: dict[ChosenEffect, ScoredCandidate] = {}
-    for part in _batches(point, wanted):
-        columns = np.concatenate(
-            [np.stack([chain.column(g.entry, g.joints, one) for one in g.columns], axis=2) for _, g in part],
-            axis=2,
-        )
-        weighed = np.concatenate(
-            [weigh(columns[b.rows], k) for k, b in enumerate(point.signals.blocks)], axis=0
-        )
+    for part, weighed in _weighted_batches(point, chain, wanted, weigh):
         gram, along = projection.normal(weighed)
         at = 0
         for effect, guess in part:
@@ -164,6 +168,31 @@ def shares_alone(
     found = score(point, chain, wanted, weigh, projection.of_residual)
     of = {s.effect: squares.sum() if s.effect.joint is None else squares[s.effect.joint] for s in found}
     return {s.effect: 1.0 - float(np.sqrt(max(1.0 - s.gain / of[s.effect], 0.0))) for s in found}
+
+
+def weighted_guesses(
+    point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh
+) -> Iterator[tuple[ChosenEffect, Array]]:
+    """Each guess of each effect with its weighted signatures, shape (N n, C); arguments as in `score`."""
+    for part, weighed in _weighted_batches(point, chain, wanted, weigh):
+        ends = np.cumsum([len(guess.columns) for _, guess in part])
+        for (effect, _), columns in zip(part, np.split(weighed, ends[:-1], axis=1), strict=True):
+            yield effect, columns
+
+
+def _weighted_batches(
+    point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh
+) -> Iterator[tuple[list[tuple[ChosenEffect, Guess]], Array]]:
+    """Guesses with their weighted signatures side by side, shape (N n, C)."""
+    for part in _batches(point, wanted):
+        columns = np.concatenate(
+            [np.stack([chain.column(g.entry, g.joints, one) for one in g.columns], axis=2) for _, g in part],
+            axis=2,
+        )
+        yield (
+            part,
+            np.concatenate([weigh(columns[b.rows], k) for k, b in enumerate(point.signals.blocks)], axis=0),
+        )
 
 
 def _batches(

@@ -9,7 +9,8 @@ import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
-from flexviz.equation import Equation, Layout, LinkDynamics, OperatingPoint, Signals
+from flexviz.equation import RIGID, Equation, Layout, LinkDynamics, OperatingPoint, Signals
+from flexviz.estimation.holds import HoldsTerm
 from flexviz.estimation.linear_algebra import Bounds, scaled_solve
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.estimation.thresholds import ESTIMATION
@@ -45,7 +46,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     n = lay.n
     cad = physically_consistent(robot.cad_parameters)
     rigid = np.zeros(lay.size)
-    rigid[lay.compliance] = 1e-12  # the link moves like the motor
+    rigid[lay.compliance] = RIGID  # the link moves like the motor
     point = equation.at(rigid)
     regressor = LinkDynamics(robot).regressor(sig.theta[0], sig.theta[1], sig.theta[2])
     torque = sig.tau[0].copy()
@@ -65,8 +66,11 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
             for m, joint in enumerate(unit.joints):
                 columns[:, joint, shifted] = unit.slopes[:, 0, :, m].T
 
+    columns, torque = columns[:, lay.fitted], torque[:, lay.fitted]
     given = measurements.initial_motor_inertia
-    if given is not None:
+    if not lay.motors:
+        motor_inertia = np.zeros(n)
+    elif given is not None:
         motor_inertia = np.array(given, float)
     else:
         solution = _rigid_fit(columns, torque, cad, None)
@@ -76,19 +80,37 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     inertial = _feasible_between(cad, solution[: 10 * n].reshape(n, 10))
     viscous = solution[11 * n : 12 * n]
 
-    rms_torque = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0))
-    stiffness = (
-        np.array(measurements.initial_stiffness, float)
-        if measurements.initial_stiffness is not None
-        else np.maximum(rms_torque, 1e-3) / ESTIMATION.deflection_guess
-    )
+    holds = HoldsTerm(measurements) if measurements.holds else None
     x = np.zeros(lay.size)
     x[lay.inertial] = inertial.ravel()
-    x[lay.compliance] = 1 / stiffness
-    x[lay.motor_inertia] = motor_inertia
-    x[lay.link_viscous] = x[lay.motor_viscous] = np.maximum(viscous, 0.0) / 2
+    x[lay.compliance] = 1 / _stiffness(measurements, lay, sig, regressor @ inertial.ravel(), holds)
+    x[lay.link_viscous] = np.maximum(viscous, 0.0)
+    if lay.motors:
+        x[lay.motor_inertia] = motor_inertia
+        x[lay.link_viscous] = x[lay.motor_viscous] = x[lay.link_viscous] / 2
+        for j in lay.rigid:
+            x[lay.motor_viscous.start + j] += x[lay.link_viscous.start + j]
+            x[lay.link_viscous.start + j] = 0.0
+    x[lay.compliance][list(lay.rigid)] = RIGID
     x[lay.effect_start :] = solution[12 * n :]
-    return replace(_assembled(lay, sig, x, cad), point=point)
+    return replace(_assembled(lay, sig, x, cad, holds), point=point)
+
+
+def _stiffness(
+    measurements: MeasurementSet, lay: Layout, sig: Signals, predicted: Array, holds: HoldsTerm | None
+) -> Array:
+    """Stiffnesses to start from, (n,) [Nm/rad]: of static tests, of the set, or a guess from the torque.
+
+    `predicted`: (N, n), torque of the rigid fit, where none is measured [Nm].
+    """
+    torque = np.where(lay.fitted, sig.tau[0], predicted)
+    guess = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-3) / ESTIMATION.deflection_guess
+    rough = measurements.initial_stiffness
+    stiffness = guess if rough is None else np.array(rough, float)
+    if holds is None:
+        return stiffness
+    known = holds.clamped.value > 0
+    return np.where(known, 1 / np.where(known, holds.clamped.value, 1.0), stiffness)
 
 
 def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
@@ -96,28 +118,32 @@ def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
     old = start.prior.layout
     x = np.zeros(layout.size)
     x[: layout.effect_start] = start.x[: old.effect_start]
-    return _assembled(layout, signals, x, start.prior.cad)
+    return _assembled(layout, signals, x, start.prior.cad, start.prior.holds)
 
 
-def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array) -> Start:
+def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, holds: HoldsTerm | None) -> Start:
     """Prior and bounds around x."""
     largest = np.max(np.abs(sig.tau[0]), axis=0)
+    largest[list(lay.no_torque)] = largest.max()
     bounds = _bounds(lay, 1 / x[lay.compliance], x[lay.motor_inertia], largest, _constants(lay, sig))
     x = bounds.clip(x)
+    bounds = bounds.holding(x, lay.held)
     centre = x.copy()
     centre[lay.effect_start :] = np.where(bounds.lower == bounds.upper, x, 0.0)[lay.effect_start :]
     rms_torque = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0))
+    rms_torque[list(lay.no_torque)] = rms_torque.max()  # for priors that are wide
     spread = _spread(lay, x, rms_torque, sig.theta[1])
     scales = tuple(
         (where.start, float(sig.count)) for e, where in lay.effect_slices() if EFFECTS[e.effect].scales_torque
     )
-    prior = Prior(lay, cad, centre, spread, coupled=tuple(_coupled(lay, rms_torque)), scales=scales)
+    coupled = tuple(_coupled(lay, rms_torque))
+    prior = Prior(lay, cad, centre, spread, coupled=coupled, scales=scales, holds=holds)
     return Start(x, prior, bounds)
 
 
 def _rigid_fit(columns: Array, torque: Array, cad: Array, motor_inertia: Array | None) -> Array:
     """Weighted least squares of τ on all columns with a weak CAD prior; optionally with B fixed."""
-    n, size = columns.shape[1:]
+    n, size = len(cad), columns.shape[2]
     centre, scale = np.zeros(size), np.full(size, np.inf)
     centre[: 10 * n] = cad.ravel()
     for body in range(n):
@@ -213,8 +239,8 @@ def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
     spread[lay.motor_inertia] = factor * x[lay.motor_inertia]
     speed = np.sqrt(np.mean(velocity**2, axis=0)) + 1e-9
     least = wide.viscous_torque * rms_torque / speed
-    spread[lay.link_viscous] = np.maximum(wide.viscous_spread * x[lay.link_viscous], least)
-    spread[lay.motor_viscous] = np.maximum(wide.viscous_spread * x[lay.motor_viscous], least)
+    for side in (lay.link_viscous, lay.motor_viscous):
+        spread[side] = np.maximum(wide.viscous_spread * x[side], least[: x[side].size])
     for effect, where in lay.effect_slices():
         j = slice(None) if effect.joint is None else effect.joint
         torque = float(np.max(rms_torque[j])) + 1e-6
@@ -226,7 +252,7 @@ def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
             "Nm/rad³": wide.coefficient_spread * stiffness**3 / torque**2,
             "Nm s/rad": wide.coefficient_spread * torque / motion,
             "Nm s²/rad²": wide.coefficient_spread * torque / motion**2,
-            "kg m²": wide.coefficient_spread * float(np.max(x[lay.motor_inertia][j])),
+            "kg m²": wide.coefficient_spread * float(np.max(lay.motor_side(x)[0][j])),
         }
         law = EFFECTS[effect.effect]
         own = np.abs(law.example) if law.example else np.ones(len(law.parameters))  # of user-defined effects

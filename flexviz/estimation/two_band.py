@@ -54,6 +54,7 @@ LEAST_INPUT, LARGEST_INPUT = 1e3, 1e7
 INPUT_RIDGE = 1e-11  # least ridge relative to that variance: what it hides stays well-conditioned
 # share of the wide band that the filter for products has to leave as it is; beyond, 1e-6 of it is left
 PASSED = 0.97
+UNUSED = 1e8  # variance of a joint without a torque, relative to the noise: it has no weight
 NOISE_SAMPLES = 60  # samples from which the noise level is computed
 
 
@@ -148,7 +149,7 @@ class TwoBandData:
         return self._with_noise_model(model_error=variance)
 
     def with_unknown_input(self, unknown: UnknownInput) -> TwoBandData:
-        """The same data beside an arbitrary torque."""
+        """The same data with an arbitrary torque."""
         return self._with_noise_model(unknown_input=unknown)
 
     def _with_noise_model(self, **changes: Any) -> TwoBandData:
@@ -195,7 +196,7 @@ class TwoBandData:
         for block, kernels in zip(self.blocks, self._kernels([*paths, *inputs]), strict=True):
             cov = paths_covariance(paths, kernels[: len(paths)], self.noise, block.rows)
             size, ridge = np.trace(cov[0].mean(axis=0)) / self.layout.n, model.ridge
-            cov[0] += np.diag(1e-9 * size + model.model_error)
+            cov[0] += np.diag(1e-9 * size + model.model_error + UNUSED * size * ~self.layout.fitted)
             if model.unknown_input is not None:
                 matrices, variance = inputs[0].matrices[:, block.rows], model.unknown_input.variance
                 added = lagged_covariance(matrices, kernels[-1], variance)

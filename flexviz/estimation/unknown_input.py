@@ -1,6 +1,6 @@
 """Unknown input: an arbitrary torque at one place of the robot, as noise of large variance.
 
-A fit beside an unknown input relies only on what the input cannot change. If a law that no model describes
+A fit given an unknown input relies only on what the input cannot change. If a law that no model describes
 acts at this place, everything else agrees with the noise; an input at another place leaves a residual. (The
 decoupling of unknown-input observers that isolate faults: J. Chen and R. J. Patton, Robust Model-Based Fault
 Diagnosis for Dynamic Systems, 1999.)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
@@ -9,9 +10,10 @@ from operator import attrgetter
 import numpy as np
 
 from flexviz.arrays import Array, Bools
-from flexviz.equation import LinkTerms, OperatingPoint
+from flexviz.equation import Chain, LinkTerms, OperatingPoint
 from flexviz.estimation.covariance import Covariance, sandwich, spectral_covariance
 from flexviz.estimation.descent import NormalEquations
+from flexviz.estimation.model_error import FittedModel, with_model_error
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
@@ -99,8 +101,9 @@ class Point:
 
     @property
     def chi(self) -> Array:
-        """Mean square of each joint's whitened residual, shape (n,); 1 for noise."""
-        return np.sum(self.r**2, axis=0) / max(np.count_nonzero(self.used), 1)
+        """Mean square of each joint's whitened residual, shape (n,); 1 for noise, and without a torque."""
+        found = np.sum(self.r**2, axis=0) / max(np.count_nonzero(self.used), 1)
+        return np.where(self.two_band.layout.fitted, found, 1.0)
 
     @property
     def noise_objective(self) -> float:
@@ -145,12 +148,42 @@ class Point:
 
     def covariance(self, prior: Prior, from_noise: bool = False, at_bound: Bools | None = None) -> Covariance:
         """Of the parameters: from the residual's spectra, or from the noise, scaled up to the residual."""
-        hessian = prior.gradient_and_hessian(self.x)[1]
+        hessian, measured = prior.gradient_and_hessian(self.x)[1], prior.measured(self.x)
         if not from_noise:
-            return spectral_covariance(self.r, self.z, self.rows, hessian, at_bound)
+            return spectral_covariance(self.r, self.z, self.rows, hessian, at_bound, measured)
         raised, flat = max(float(np.mean(self.chi)), 1.0), self.z.reshape(-1, len(self.x))
         score = self.two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
-        return sandwich(flat.T @ flat, score, hessian, at_bound)
+        return sandwich(flat.T @ flat, score, hessian, at_bound, measured)
+
+    def weigh(self, columns: Array, block: int) -> Array:
+        """Columns of a block, shape (m, n, k), weighted like the residual, shape (m n, k)."""
+        out = self.weightings[block].apply(columns)
+        out[~self.used[self.rows[block]]] = 0.0
+        return out.reshape(-1, columns.shape[2])
+
+    @property
+    def at_noise(self) -> bool:
+        """Whether noise explains the residual."""
+        return float(np.mean(self.chi)) < ESTIMATION.noise_explains and not self.model_error.any()
+
+    def stated(
+        self, prior: Prior, held: Sequence[Bools], from_noise: bool = False
+    ) -> list[tuple[Covariance, Covariance]]:
+        """`covariance` with parameters held, (P,) each: with what the model lacks, and of chance alone.
+
+        The model lacks something where noise does not explain the residual.
+        """
+        chance = [self.covariance(prior, from_noise, one) for one in held]
+        if self.at_noise:
+            return [(one, one) for one in chance]
+        layout, x = self.two_band.layout, self.x
+        chain = Chain(x[layout.compliance], x[layout.link_viscous], self.link)
+        z, hessian = self.z.reshape(-1, layout.size), prior.gradient_and_hessian(x)[1]
+        fits = [
+            FittedModel(self.narrow_point, chain, self.weigh, self.r.ravel(), z, hessian, one) for one in held
+        ]
+        excess = np.maximum(self.chi - (self.model_error == 0), 0.0)
+        return list(zip(with_model_error(chance, fits, excess), chance, strict=True))
 
 
 def weighted_point(
@@ -250,6 +283,6 @@ class Whitening:
     def _instrument_bias(self, here: BandEvaluation, whiteners: list[Whitener]) -> list[Array]:
         if self._judging:
             return []
-        if self._far:  # what the sensors' noise shares is nothing beside what the model leaves
+        if self._far:  # what the sensors' noise shares is nothing compared with what the model leaves
             return [np.zeros(len(here.x)) for _ in self.two_band.blocks]
         return self.two_band.instrument_bias(here.x, here.link, whiteners)

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
+from flexviz._scipy import sp
 from flexviz.arrays import Array, Indices
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
-from flexviz.fourier import line_counts, quick_length
+from flexviz.fourier import line_counts
 from flexviz.observers import Observer
 
 CHUNK = 150  # samples whitened at a time: they stay in the processor's cache
@@ -229,7 +230,7 @@ def noise_score_covariance(
     Returns:
         shape (P, P).
     """
-    length = quick_length(2 * len(weights))
+    length = sp.fft.next_fast_len(2 * len(weights), real=True)
     omega = np.arange(length // 2 + 1, dtype=float) * (2 * np.pi / (length * joint_step))
     share = line_counts(length)
     if length % 2 == 0:

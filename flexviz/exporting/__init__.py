@@ -1,4 +1,4 @@
-"""Export of an identified robot as URDF, MJCF, YAML, JSON, C and Python."""
+"""Export of an identified robot as URDF, MJCF, YAML, JSON, C, Python and tables."""
 
 from flexviz.exporting.coverage import Entry, LeftOut, Written, coverage
 from flexviz.exporting.identified import IdentifiedRobot, check_payload, identified_robot

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
+from flexviz.compensation import ELASTIC, by_speed_and_load
 from flexviz.effects import EFFECTS, free_curve, is_user_defined
 from flexviz.robot import PayloadBody
 from flexviz.simulation import scaled_body, tilted_gravity
@@ -76,7 +77,7 @@ class OnPayload(Written):
 class OnGravity(Written):
     """An effect that changes gravity [m/s²] in the base's frame."""
 
-    gravity: Callable[[Values], tuple[float, float, float]]
+    gravity: Callable[[Values, tuple[float, float, float]], tuple[float, float, float]]  # from the stated one
 
 
 @dataclass(frozen=True)
@@ -91,14 +92,16 @@ Entry = Written | LeftOut
 
 RIGID = LeftOut("a URDF has rigid joints only")
 USER_DEFINED = LeftOut("a user-defined effect: its law exists only in its own file")
-STOPGAP = LeftOut("a free curve is not physics; as a table it is beside parameters.json")
+STOPGAP = LeftOut("a free curve is not physics; as a table it is next to parameters.json")
 EVENT = LeftOut("an event of one recording, not a property of the robot")
 UNREGISTERED = LeftOut("no export is registered for it")
 PAYLOAD = OnPayload(
     "mass and inertia of the payload",
     lambda body, values: scaled_body(body, 1.0 + values["relative_mass_error"]),
 )
-GRAVITY = OnGravity("gravity", lambda values: tilted_gravity(values["tilt_x"], values["tilt_y"]))
+GRAVITY = OnGravity(
+    "gravity", lambda values, stated: tilted_gravity(values["tilt_x"], values["tilt_y"], stated)
+)
 SPRING_TORQUE = DerivedNumber(
     "minus its torque at q = 0 [Nm]",
     "spring_torque",
@@ -157,6 +160,15 @@ COVERAGE = {
     ),
     "load_dependent_friction": Coverage(
         PerJoint("load-dependent friction mu [-]", "load", "coefficient", signed=True),
+        LeftOut("MJCF has no load-dependent friction"),
+    ),
+    "driving_friction": Coverage(
+        PerRow(
+            "load-dependent friction while the motor and while the load drives: mu_m, mu_l [-]",
+            "driving",
+            {"motor_driving": "motor", "load_driving": "load"},
+            signed=True,
+        ),
         LeftOut("MJCF has no load-dependent friction"),
     ),
     "torque_offset": Coverage(
@@ -238,8 +250,18 @@ COVERAGE = {
 CODE = {name: row.code for name, row in COVERAGE.items()}
 MJCF = {name: row.mjcf for name, row in COVERAGE.items()}
 URDF = {name: row.urdf for name, row in COVERAGE.items()}
-REGISTRIES: Mapping[str, Mapping[str, Entry]] = {"urdf": URDF, "mjcf": MJCF, "c": CODE, "python": CODE}
-FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python")
+TABLE: dict[str, Entry] = {
+    effect: Written("friction by speed and load")
+    if by_speed_and_load(effect)
+    else Written("deflection by torque")
+    if effect in ELASTIC
+    else LeftOut("the tables hold friction by speed and load, and deflection by torque, only")
+    for effect in COVERAGE
+}
+REGISTRIES: Mapping[str, Mapping[str, Entry]] = {
+    "urdf": URDF, "mjcf": MJCF, "c": CODE, "python": CODE, "table": TABLE,
+}  # fmt: skip
+FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python", "table")
 
 
 def entry_of(effect: str, target: str) -> Entry | None:

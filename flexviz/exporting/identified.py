@@ -20,7 +20,9 @@ from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.exporting.laws import Laws, laws, not_of_robot
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.results import ResultDocument, Verdict, lacks_effects
+from flexviz.mounting import mounting_text
+from flexviz.records import Verdict
+from flexviz.results import ResultDocument, lacks_effects
 from flexviz.robot import PayloadBody, Robot
 
 if TYPE_CHECKING:
@@ -33,6 +35,7 @@ VERDICTS = {
     "nothing-missing": "nothing is missing from this model",
     "unknown": "something is missing from this model that no known effect explains",
 }
+MOTOR_SIDE = ("motor_inertia", "motor_viscous_friction")
 VECTORS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 
 
@@ -92,6 +95,11 @@ class IdentifiedRobot:
         """(n, 10) inertial parameters about the joint frames, including the payload."""
         return self.model.inertial + self.robot.payload_parameters(self.laws.bodies)
 
+    @property
+    def has_motors(self) -> bool:
+        """Whether the model has motors: a torque behind the gears shows nothing of them."""
+        return self.document.torque_side != "joint"
+
     def grade(self, name: str, joint: str) -> str:
         """How well the data determine a parameter: "yes", "weak" or "no"."""
         return self.document[name, joint].identifiable
@@ -131,6 +139,8 @@ class IdentifiedRobot:
             lines.insert(1, f"Fitted on {', '.join(groups)}" + (", refined" if self.document.refined else ""))
         carried = f"carries the payload {self.payload}" if self.payload else "carries no payload"
         lines.append(f"The robot {carried}.")
+        if mounted := mounting_text(self.laws.gravity):
+            lines.append(f"Mounting: {mounted}.")
         movable = (x.name for x in self.robot.description.joint_map.values() if x.type != "fixed")
         if locked := [name for name in movable if name not in self.joints]:
             lines.append(
@@ -183,6 +193,11 @@ def identified_robot(
     warnings = list(remarks)
     if not document.converged:
         warnings.append("The identification did not converge: do not rely on these values.")
+    if document.torque_side == "joint":
+        warnings.append(
+            "Motor inertia and motor friction are unknown and zero here: the torque of this model is that "
+            "behind the gears, as joint torque sensors measure it, not the motors'."
+        )
     if document.stopped:
         warnings.append("The identification was stopped early.")
     if document.set_sha256 is not None and document.set_sha256 != found.sha256:
@@ -218,7 +233,10 @@ def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) 
         except KeyError:
             raise InputError(f"parameter {name} of {joint} is missing", file=file) from None
 
-    vectors = {name: np.array([value(name, j) for j in joints]) for name in VECTORS}
+    absent = MOTOR_SIDE if document.torque_side == "joint" else ()
+    vectors = {
+        name: np.array([0.0 if name in absent else value(name, j) for j in joints]) for name in VECTORS
+    }
     inertial = np.array([[value(name, j) for name in INERTIAL_NAMES] for j in joints])
     values = []
     for effect in document.all_effects:

@@ -20,7 +20,7 @@ from flexviz.exporting.coverage import (
     PerRow,
 )
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import GRAVITY, PayloadBody, Robot
+from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import check_effect, neighbour
 
 Row = tuple[float, ...]
@@ -34,7 +34,7 @@ class Laws:
     # `PerJoint` effects, by table, units as registered
     arrays: Mapping[str, Array]
     rows: Mapping[str, list[Row]]  # rows of the `PerRow` effects, by table: joint indices, then the numbers
-    gravity: tuple[float, float, float] = GRAVITY  # (3,) [m/s²] in the base's frame
+    gravity: tuple[float, float, float]  # (3,) [m/s²] in the base's frame
     bodies: tuple[PayloadBody, ...] = ()  # the payload's bodies as identified
 
     def __getitem__(self, name: str) -> Array:
@@ -63,7 +63,7 @@ def laws(
         "link_viscous": model.link_viscous_friction,
     }
     rows: dict[str, list[Row]] = {code.table: [] for code in CODE.values() if isinstance(code, PerRow)}
-    gravity, carried = GRAVITY, tuple(bodies)
+    gravity, carried = robot.gravity, tuple(bodies)
     for effect in model.effects:
         p, code = effect.parameters, CODE.get(effect.effect, USER_DEFINED)
         if isinstance(code, LeftOut) or not_of_robot(effect, payload):
@@ -74,7 +74,7 @@ def laws(
             case OnPayload():
                 carried = tuple(code.body(body, p) for body in carried)
             case OnGravity():
-                gravity = code.gravity(p)
+                gravity = code.gravity(p, robot.gravity)
             case PerJoint():
                 for array in code.arrays:
                     arrays[array.table][list(joints)] += array.number(p)
@@ -100,8 +100,11 @@ def not_of_robot(effect: EffectValue, payload: str | None) -> str:
 
 def _checked(found: Laws, joints: Sequence[str]) -> Laws:
     """The laws; raises InputError for an impossible value."""
+    positive = [("stiffness", "Nm/rad")]
+    if found["motor_inertia"].any():  # none at all: τ is measured behind the gears
+        positive.append(("motor inertia", "kg m²"))
     for i, joint in enumerate(joints):
-        for name, unit in (("stiffness", "Nm/rad"), ("motor inertia", "kg m²")):
+        for name, unit in positive:
             value = float(found[name.replace(" ", "_")][i])
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} of {joint} is {value:g} {unit}, expected a positive number")

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexviz._pinocchio import pin
+from flexviz.errors import InputError
 from flexviz.exporting.bodies import placement
 from flexviz.exporting.code_tables import axis
 from flexviz.exporting.followers import Followers, followers_of
@@ -39,6 +40,11 @@ ENDLESS_RANGE = 100.0  # [rad] hinges with a wider range are unlimited
 def mjcf(identified: IdentifiedRobot) -> FormatFiles:
     """The model and its meshes."""
     identified.require_bodies()
+    if not identified.has_motors:
+        raise InputError(
+            "MJCF needs motor inertias to move the motors, which a torque behind the gears does not show; "
+            "export --to urdf, json, yaml, c, python"
+        )
     robot, laws, name = identified.robot, identified.laws, identified.name
     step, vibration = timestep(identified)
     root = Element("mujoco", model=name)

@@ -15,11 +15,21 @@ import numpy as np
 from flexviz import __version__
 from flexviz.effects import EFFECTS, FREE_CURVE_DIRECTIONS, free_curve
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
-from flexviz.results import EffectEntry, ResultDocument, ValueEntry, curve_entries
+from flexviz.records import EffectEntry, EffectParameter
+from flexviz.results import ResultDocument, curve_entries
 from flexviz.statistics import NORMAL_95
 
 AMBIGUOUS = ("yes", "no", "y", "n", "on", "off", "true", "false", "null", "~")
-OF_THE_FIT = ("observer", "refined", "groups", "converged", "stopped", "base_parameters", "residual")
+OF_THE_FIT = (
+    "observer",
+    "refined",
+    "groups",
+    "converged",
+    "stopped",
+    "base_parameters",
+    "residual",
+    "torque_side",
+)
 CONVENTIONS = {
     "motor": "all quantities of the motor are expressed at the joint: angle / N, torque × N, inertia × N²",
     "inertial": "of all bodies that a joint moves, about the joint frame, without the payload",
@@ -100,7 +110,7 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
     return about | result.to_dict() | {"not_contained_in_code": identified.left_out("c")}
 
 
-def effect_entries(document: ResultDocument) -> list[EffectEntry]:
+def effect_entries(document: ResultDocument) -> tuple[EffectEntry, ...]:
     """The model's effects with their laws, values, standard errors and units."""
     known = {p.label: p for p in document.all_parameters}
     entries = []
@@ -111,15 +121,14 @@ def effect_entries(document: ResultDocument) -> list[EffectEntry]:
         for spec in law.parameters:
             label = ":".join([f"{effect.effect}.{spec.name}", *filter(None, place.values())])
             value, p = effect.parameters[spec.name], known.get(label)
-            values[spec.name] = ValueEntry(
+            values[spec.name] = EffectParameter(
                 value=value.value,
                 std=value.std if p is None else p.std,
                 unit=spec.unit,
                 identifiable=None if p is None else p.identifiable,
             )
-        about = {"title": law.title, "equation": law.equation, "parameters": values}
-        entries.append(effect.model_copy(update=place | about))
-    return entries
+        entries.append(EffectEntry(effect.effect, values, **place, title=law.title, equation=law.equation))
+    return tuple(entries)
 
 
 def _represent_text(representer: Any, text: str) -> Any:

@@ -339,6 +339,12 @@ static void motors(const jet theta[N], const jet load[N], double time, NAME_memo
         /* [load */
         tau[i] += LOAD[i] * fabs(load[i].d[0]) * sign;
         /* load] */
+        /* [driving */
+        for (k = 0; k < sizeof DRIVING / sizeof DRIVING[0]; ++k)
+            if (DRIVING[k].joint == i)
+                tau[i] += (load[i].d[0] * speed > 0.0 ? DRIVING[k].motor : DRIVING[k].load)
+                    * fabs(load[i].d[0]) * sign;
+        /* driving] */
         /* [offset */
         tau[i] += OFFSET[i];
         /* offset] */

@@ -43,6 +43,7 @@ TORQUE_DELAY = np.array([0.002, 0.002])
 SPRING = np.array([5.0, 0.0])
 SPRING_TORQUE = np.array([1.0, 0.0])
 COMPENSATOR = ((0, 2.0, 1.0),)
+DRIVING = ((1, 0.1, 0.15),)
 THINNING = ((0, 0.4, 0.1),)
 STRIBECK = ((0, 1.0, 0.1),)
 RIPPLE = ((1, 0.5, 9.0, 0.7),)
@@ -285,6 +286,10 @@ def _motor_torque(theta, load, time, memory):
     # [load
     tau += LOAD[:, None] * np.abs(load) * sign
     # load]
+    # [driving
+    for i, *shares in DRIVING:
+        tau[i] += np.where(load[i] * speed[i] > 0, *shares) * np.abs(load[i]) * sign[i]
+    # driving]
     # [offset
     tau += OFFSET[:, None]
     # offset]
@@ -307,9 +312,7 @@ def _motor_torque(theta, load, time, memory):
     # [coupled
     for i, other, coulomb, viscous in COUPLED:
         both = speed[i] + speed[other]
-        friction = coulomb * np.tanh(both / SIGN_VELOCITY) + viscous * both
-        tau[i] += friction
-        tau[other] += friction
+        tau[[i, other]] += coulomb * np.tanh(both / SIGN_VELOCITY) + viscous * both
     # coupled]
     # [presliding
     shares = _presliding(position, sign, memory)

@@ -16,6 +16,7 @@ from flexviz.errors import InputError
 from flexviz.exporting.bodies import Carrier, carriers
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.xml_text import comment_text, number_text
+from flexviz.mounting import mounting_text
 from flexviz.robot_files import resolve_mesh
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
@@ -31,6 +32,8 @@ def urdf(identified: IdentifiedRobot) -> FormatFiles:
     document: Any = minidom.parseString(identified.robot.urdf_path.read_bytes())
     root = document.documentElement
     missing = identified.left_out("urdf")
+    if mounted := mounting_text(identified.robot.gravity):
+        missing.append(f"{mounted}: set it in the program that loads the URDF")
     files = _meshes(identified, root, missing)
     links = {element.getAttribute("name"): element for element in _children(root, "link")}
     joints = {element.getAttribute("name"): element for element in _children(root, "joint")}
@@ -90,13 +93,16 @@ def _write_dynamics(document: Any, joint: Any, i: int, identified: IdentifiedRob
         value = float(laws[parameter.removesuffix("_friction")][i])
         return f"{parameter} {value!r} {unit} ({GRADES[identified.grade(parameter, identified.joints[i])]})"
 
-    lines = [
-        f"flexviz: no place in a URDF for {graded('motor_inertia', 'kg m²')}",
-        "(reflected to the joint, add it to the diagonal of the mass matrix) and "
-        f"{graded('stiffness', 'Nm/rad')}",
-        f"damping is the sum of {graded('motor_viscous_friction', 'Nm s/rad')}",
-        f"and {graded('link_viscous_friction', 'Nm s/rad')}",
-    ]
+    stiffness = graded("stiffness", "Nm/rad")
+    if identified.has_motors:
+        lines = [
+            f"flexviz: no place in a URDF for {graded('motor_inertia', 'kg m²')}",
+            f"(reflected to the joint, add it to the diagonal of the mass matrix) and {stiffness}",
+            f"damping is the sum of {graded('motor_viscous_friction', 'Nm s/rad')}",
+            f"and {graded('link_viscous_friction', 'Nm s/rad')}",
+        ]
+    else:
+        lines = [f"flexviz: no place in a URDF for {stiffness}"]
     comment = document.createComment(comment_text(lines, _indent(joint)))
     _put(document, joint, old, [comment, element])
 

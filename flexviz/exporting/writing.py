@@ -12,6 +12,7 @@ from flexviz.exporting.code import c_code, python_code
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot, identified_robot
 from flexviz.exporting.mjcf import mjcf
 from flexviz.exporting.parameters import json_parameters, yaml_parameters
+from flexviz.exporting.tables import tables
 from flexviz.exporting.urdf import urdf
 from flexviz.files import named_errors, whole_folder
 from flexviz.measurements import check_free
@@ -29,6 +30,7 @@ FORMATS: dict[str, Callable[[IdentifiedRobot], FormatFiles]] = {
     "json": json_parameters,
     "c": c_code,
     "python": python_code,
+    "table": tables,
 }
 
 
@@ -76,6 +78,8 @@ def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str
     """
     chosen = check_formats(formats)
     folder = check_folder(folder)
+    if not formats and not identified.has_motors:
+        chosen = tuple(name for name in chosen if name != "mjcf")  # which refuses such models
     made = {name: FORMATS[name](identified) for name in chosen}
     with named_errors(folder), whole_folder(folder) as new:
         for name, content in ((n, c) for files in made.values() for n, c in files.contents.items()):

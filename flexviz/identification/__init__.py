@@ -1,28 +1,28 @@
 """Identification: parameters with uncertainty from measurements."""
 
 from flexviz.identification.bandwidth_sweep import SweepResult, sweep
+from flexviz.identification.link_side_check import link_side_checks
 from flexviz.identification.pipeline import identify
+from flexviz.identification.plots import IdentificationPlots, laws_figure
 from flexviz.identification.preview import ObservedResidual, ResidualPreview
-from flexviz.identification.result import (
-    Combination,
-    Identification,
-    ParameterEstimate,
-    ResidualSeries,
-    ResidualSummary,
-)
+from flexviz.identification.result import Identification, ResidualSeries
+from flexviz.identification.settings import FitOptions, FitSettings, fit_settings
 from flexviz.identification.summary import combinations, parameter_estimates
 
 __all__ = [
-    "Combination",
+    "FitOptions",
+    "FitSettings",
     "Identification",
+    "IdentificationPlots",
     "ObservedResidual",
-    "ParameterEstimate",
     "ResidualPreview",
     "ResidualSeries",
-    "ResidualSummary",
     "SweepResult",
     "combinations",
+    "fit_settings",
     "identify",
+    "laws_figure",
+    "link_side_checks",
     "parameter_estimates",
     "sweep",
 ]

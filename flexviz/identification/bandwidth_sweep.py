@@ -6,17 +6,17 @@ observer, whose states lag differently; the sweep therefore also reports the par
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.identification.pipeline import identify
+from flexviz.identification.settings import FitOptions, fit_settings
 from flexviz.measurements import MeasurementSet
-from flexviz.observers import EsoGains
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 
@@ -47,27 +47,29 @@ def sweep(
     measurements: MeasurementSet,
     observer: str,
     bandwidths: Sequence[float] | Array,
+    /,
     *,
-    groups: Sequence[str] | None = None,
-    effects: Iterable[str] = (),
-    gains: EsoGains | None = None,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
+    **options: Unpack[FitOptions],
 ) -> SweepResult:
     """Identify at each bandwidth and compare the errors.
+
+    The residual is large where the filter removes motion and where it passes noise. A stiffness that changes
+    where the residual is flat is an error of the observer.
 
     Args:
         measurements: the set.
         observer: its name.
         bandwidths: [rad/s], at least one; those too narrow for the records are left out.
-        groups, effects, gains: as in `identify`.
         progress: called after each fit.
         should_stop: asked between fits; what is done so far is returned (at least one fit is made).
+        options: further fields of `FitSettings`; nothing is refined.
 
     Raises:
         InputError: when no bandwidth is wide enough for the records.
     """
-    settings: dict[str, Any] = {"effects": tuple(effects), "observer": observer, "gains": gains}
+    settings = replace(fit_settings(None, **options), observer=observer, refine=False)
     rows = []
     n = len(measurements.joints)
     refused: InputError | None = None
@@ -75,7 +77,7 @@ def sweep(
         if rows and should_stop is not None and should_stop():
             break
         try:
-            result = identify(measurements, groups=groups, bandwidth=float(w), **settings)
+            result = identify(measurements, settings, bandwidth=float(w))
         except InputError as error:
             refused = error
             continue

@@ -10,8 +10,8 @@ import numpy as np
 from flexviz.arrays import Array, Bools
 from flexviz.equation import Layout
 from flexviz.estimation import Solution, Start, bounded_step, normal_equations
-from flexviz.identification.result import ParameterEstimate, ResidualSummary
 from flexviz.identification.thresholds import IDENTIFICATION
+from flexviz.records import ParameterEstimate, ResidualSummary
 from flexviz.wording import listed, normalised, percent, plain_name
 
 BY_DESIGN = ("stiffness", "motor_inertia")  # parameters that a healthy fit determines within their bounds
@@ -41,7 +41,7 @@ def unrest_of(solution: Solution, start: Start, layout: Layout) -> Unrest:
 
 
 def unrest_by_residual(chi: Array) -> Unrest:
-    """The same of a refinement, by the whitened residual χ² of each joint, shape (n,)."""
+    """The same by the joints' shares of the residual, shape (n,)."""
     return Unrest(chi / max(float(chi.sum()), 1e-300), np.zeros(0))
 
 

@@ -24,7 +24,7 @@ def needs_search(layout: Layout) -> bool:
 def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
     """Start values of all parameters, shape (P,): a fit without nonlinear effects, then the best guesses."""
     layout = equation.layout
-    simple = Layout(layout.joints, tuple(e for e in layout.effects if EFFECTS[e.effect].linear))
+    simple = layout.with_effects(e for e in layout.effects if EFFECTS[e.effect].linear)
     inner = Equation(measurements.robot, equation.signals, simple)
     start = start_values(measurements, inner)
     solution = gauss_newton(

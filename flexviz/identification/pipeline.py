@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Unpack
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,95 +14,88 @@ from threadpoolctl import threadpool_limits
 from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.estimation import ESTIMATION, Covariance, Stopped, TwoBandData, base_parameters, residual_noise
+from flexviz.estimation import Stopped, TwoBandData, base_parameters, residual_noise
 from flexviz.estimation import refine as refine_fit
 from flexviz.identification.failure import (
     Unrest,
     far_above_noise,
     unexplained,
-    unrest_by_residual,
     unrest_of,
     why_not,
 )
+from flexviz.identification.likely_addition import likely_move
+from flexviz.identification.link_side_check import link_side_checks
+from flexviz.identification.messages import holds_text, left_out_text
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
-from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
+from flexviz.identification.plots import remember
+from flexviz.identification.result import Identification, ResidualSeries
 from flexviz.identification.reversals import rms_between_reversals
+from flexviz.identification.settings import FitOptions, FitSettings, fit_settings
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
+from flexviz.measurements import Group, MeasurementSet, no_torque_text, silent_joints
 from flexviz.model import FlexibleModel
 from flexviz.noise import check_signals, segments_noise
-from flexviz.observers import ButterworthZeroPhase, EsoGains
 from flexviz.progress import ProgressCallback, StopCallback
-from flexviz.wording import listed, normalised, plural
+from flexviz.records import ResidualSummary
+from flexviz.wording import normalised
+
+GIVEN = "values as given; they were not fitted with this observer"
+STOPPED = "stopped; the values are those of the last step"
 
 
 def identify(
     measurements: MeasurementSet,
+    settings: FitSettings | None = None,
     *,
-    groups: Sequence[str] | None = None,
-    effects: Iterable[str] = (),
-    observer: str = ButterworthZeroPhase.name,
-    bandwidth: float | Sequence[float] | None = None,
-    gains: EsoGains | None = None,
-    refine: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
-    max_iterations: int = 60,
     model: FlexibleModel | None = None,
+    **options: Unpack[FitOptions],
 ) -> Identification:
     """Estimate stiffness, motor inertia, friction, inertial parameters and effects.
 
+    With s = τ − B θ̈ − f_m the link angle is q = θ − s/K, so that the link equation r = s − Y(q, q̇, q̈) Γ − f_l
+    holds for θ, τ and their derivatives, which an observer provides. Σ (r/σ)² and a prior are minimised; then
+    instrumental variables remove the observer's bias. Intervals include what the model lacks.
+
     Args:
         measurements: the set.
-        groups: names of the groups to fit; all but the validation groups where None.
-        effects: "name" (every joint), "name:joint", "name:payload" or "name:joint@group", beside those the
-            set's model starts with.
-        observer: one of `OBSERVERS`.
-        bandwidth: [rad/s], one number or one per joint. None: the zero-phase Butterworth's is chosen by the
-            data (least residual), the others have a fixed default.
-        gains: of the observer "eso", set by hand; a bandwidth scales them.
-        refine: run the instrumental-variables refinement, which removes the observer's bias.
+        settings: how, of which `options` change some; None: the defaults.
         progress: called after each step.
         should_stop: asked after each step; what was found so far is returned.
-        max_iterations: of each solver run.
         model: values to take instead of fitting them; the result has their errors and residuals.
+        options: fields of `FitSettings`.
 
     Raises:
         InputError: unknown names, a validation group, nothing left to fit, or signals that are no motion
             of a robot.
     """
     began = time.perf_counter()
-    fitted, held_out = measurements.select(groups)
+    chosen = fit_settings(settings, **options)
+    fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))
-    layout = _layout(measurements, fitted, tuple(effects))
+    layout = _layout(measurements, fitted, chosen.effects)
     report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
-        plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations, model, gains)
-        outcome = _plain_outcome(plain)
+        plain = plain_fit(measurements, fitted, chosen, report, model)
+        outcome, move = _plain_outcome(plain), np.zeros(layout.size)
         if model is not None:
-            text = "values as given; they were not fitted with this observer"
-            outcome = replace(outcome, message=text, given=True)
-        elif refine and not report.stopped:
+            outcome = replace(outcome, message=GIVEN, given=True)
+        elif chosen.refine and not report.stopped:
             outcome = _refined_outcome(measurements, fitted, plain, outcome, report)
+        if model is None and not report.stopped and not outcome.explained:
+            move = likely_move(measurements, plain)
         if report.stopped:
-            text = "stopped; the values are those of the last step"
-            outcome = replace(outcome, converged=False, message=text)
-        result = _result(measurements, fitted, plain, outcome, report)
-    residual = _with_noise_share(result.residual, noise)
-    message = result.message + _left_out(result, (*fitted, *held_out))
-    return replace(result, residual=residual, message=message, seconds=time.perf_counter() - began)
-
-
-def _left_out(result: Identification, groups: Sequence[Group]) -> str:
-    """The groups that are not used; empty if all are."""
-    used = (*result.groups, *result.validation_groups)
-    names = [group.name for group in groups if group.name not in used]
-    if not names:
-        return ""
-    text = (
-        f"; {plural(len(names), 'group')} not used: {listed(names)}, gaps leave no stretch longer than the "
-    )
-    return f"{text}observer's transients"
+            outcome = replace(outcome, converged=False, message=STOPPED)
+        known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
+        result = _result(measurements, fitted, plain, outcome, known, report)
+    result = replace(result, residual=_with_noise_share(result.residual, noise))
+    message = result.message + left_out_text(result, (*fitted, *held_out))
+    message += holds_text(plain, result.model)
+    if silent := no_torque_text(silent_joints(measurements)):
+        message += f"; {silent}"
+    return remember(replace(result, message=message, seconds=time.perf_counter() - began), measurements)
 
 
 def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:
@@ -127,30 +122,31 @@ class _Outcome:
     Attributes:
         x: shape (P,).
         evaluation: the plain fit's equation there.
-        covariance: of the parameters.
         at_bound: shape (P,).
+        stated: the covariances of the parameters.
         converged, refined, message: as in `Identification`.
         unrest: what keeps the fit from converging.
         given: the values were not fitted.
+        explained: noise explains what the refinement leaves.
     """
 
     x: Array
     evaluation: Evaluation
-    covariance: Covariance
     at_bound: Bools
+    stated: Stated
     converged: bool
     message: str
     refined: bool = False
     unrest: Unrest | None = None
     given: bool = False
+    explained: bool = False
 
 
 def _plain_outcome(plain: PlainFit) -> _Outcome:
     end = plain.solution
     message = "converged" if end.converged else "did not converge; the values are where the solver stopped"
     unrest = None if end.converged else unrest_of(end, plain.start, plain.equation.layout)
-    covariance = plain.covariance()
-    return _Outcome(end.x, end.evaluation, covariance, end.at_bound, end.converged, message, unrest=unrest)
+    return _Outcome(end.x, end.evaluation, end.at_bound, plain.stated, end.converged, message, unrest=unrest)
 
 
 def _refined_outcome(
@@ -160,7 +156,7 @@ def _refined_outcome(
     outcome: _Outcome,
     report: StepReporter,
 ) -> _Outcome:
-    """The refinement's result; the plain one where it is stopped."""
+    """The refinement's result; the plain one where it is stopped or does not converge."""
     report.stage = "refine"
     start = plain.start
     try:
@@ -169,22 +165,21 @@ def _refined_outcome(
         found = refine_fit(two_band, start.prior, start.bounds, outcome.x, report=report)
     except Stopped:
         return outcome
-    message = "the instrumental-variables refinement did not converge; the values are where it stopped"
-    x, chi, model_error = found.place.x, found.place.chi, found.place.model_error
-    chi_square = float(np.mean(chi))
-    if found.converged:
-        message = f"refined; whitened residual {chi_square:.3g} per sample (1 = measurement noise alone)"
-        if model_error.any():
-            added = ", ".join(f"{value:.2g}" for value in np.sqrt(model_error))
-            message = (
-                f"refined; the model errs more than the sensors, a model error ({added} Nm) was allowed for"
-            )
+    if not found.converged:
+        text = "the refinement did not converge, so values and intervals are those of the plain fit"
+        return replace(outcome, message=f"{outcome.message}; {text}")
+    x, model_error, chi_square = found.place.x, found.place.model_error, float(np.mean(found.place.chi))
+    message = f"refined; whitened residual {chi_square:.3g} per sample (1 = measurement noise alone)"
+    if model_error.any():
+        added = ", ".join(f"{value:.2g}" for value in np.sqrt(model_error))
+        message = f"refined; the model errs more than the sensors, a model error ({added} Nm) was allowed for"
     evaluation = plain.equation.at(x, plain.solution.point).evaluate(x)
-    converged = outcome.converged and found.converged
-    unrest = outcome.unrest if found.converged else unrest_by_residual(chi)
-    from_noise = chi_square < ESTIMATION.noise_explains
-    covariance = found.place.covariance(start.prior, from_noise, found.at_bound)
-    return _Outcome(x, evaluation, covariance, found.at_bound, converged, message, True, unrest)
+    explained = found.place.at_noise
+    stated = partial(found.place.stated, start.prior, from_noise=explained)
+    return replace(
+        outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=stated, message=message,
+        refined=True, explained=explained,
+    )  # fmt: skip
 
 
 def _result(
@@ -192,17 +187,20 @@ def _result(
     fitted: tuple[Group, ...],
     plain: PlainFit,
     outcome: _Outcome,
+    known: Uncertainty,
     report: StepReporter,
 ) -> Identification:
     layout, prior, start = report.layout, plain.start.prior, plain.start.x
-    x, cov, at_bound = outcome.x, outcome.covariance, outcome.at_bound
+    x, cov, at_bound = outcome.x, known.covariance, outcome.at_bound
     base = base_parameters(measurements.robot)
     jacobian = outcome.evaluation.jacobian * plain.solution.weights[:, :, None]
-    left_out = plain.equation.signals.left_out
-    held_out = _held_out_equation(measurements, plain)
+    left_out, held_out = plain.equation.signals.left_out, _held_out_equation(measurements, plain)
     validation = () if held_out is None else held_out.signals.groups
     summary, series = _residuals(measurements, held_out, plain, outcome)
-    estimates = parameter_estimates(layout, x, start, cov, at_bound, prior)
+    samples = plain.equation.signals.count * layout.n
+    estimates = parameter_estimates(
+        layout, x, start, cov, at_bound, prior, unbound=known.unbound, samples=samples
+    )
     lagging = not outcome.refined and not plain.observer.zero_phase
     if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(summary)):
         outcome = replace(outcome, converged=False, unrest=unrest)
@@ -233,9 +231,16 @@ def _result(
         model=layout.model(x),
         condition_number=condition_number(jacobian.reshape(-1, layout.size), layout, base, at_bound),
         covariance=cov.matrix,
+        chance=known.chance.matrix,
         parameter_names=report.names,
         residuals=series,
         message=message,
+        link_side=link_side_checks(
+            measurements,
+            x[layout.inertial].reshape(-1, 10),
+            cov.matrix[layout.inertial, layout.inertial],
+            estimates[layout.compliance],
+        ),
     )
 
 

@@ -4,27 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
-from flexviz.arrays import Array
-from flexviz.equation import Equation, Layout, build_signals
+from flexviz.arrays import Array, Bools
+from flexviz.equation import Chain, Equation, Layout, build_signals
 from flexviz.errors import InputError
 from flexviz.estimation import (
+    ESTIMATION,
     Covariance,
+    FittedModel,
     Solution,
     Start,
     Stopped,
     gauss_newton,
+    residual_noise,
     spectral_covariance,
     start_values,
+    with_model_error,
 )
 from flexviz.identification.initial_guess import needs_search, searched_start
+from flexviz.identification.settings import FitSettings
+from flexviz.iteration import Iteration
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
-from flexviz.observers import ButterworthZeroPhase, EsoGains, Observer, make_observer
-from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
+from flexviz.noise import segments_noise
+from flexviz.observers import ButterworthZeroPhase, Observer
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 BAND_HERTZ = (4.0, 5.0, 6.0, 7.0, 8.5, 10.0)  # bands to choose from, ascending
 STIFFNESS_FACTORS = (0.1, 10.0)  # further starts if the first fails
@@ -89,34 +96,68 @@ class PlainFit:
         """Log of the residual's mean square, summed over the joints."""
         return float(np.log(np.mean(self.solution.evaluation.residual**2, axis=0) + 1e-300).sum())
 
-    def covariance(self) -> Covariance:
-        """From the residual's own spectra."""
-        solution = self.solution
-        residual, jacobian = solution.whitened
+    def stated(self, held: Sequence[Bools]) -> list[tuple[Covariance, Covariance]]:
+        """Covariances with parameters held, (P,) each: with what the model lacks, and of chance alone.
+
+        Chance is what the residual's own spectra say; the model lacks something where noise does not explain
+        the residual.
+        """
         rows = [b.rows for b in self.equation.signals.blocks]
-        prior = self.start.prior.gradient_and_hessian(solution.x)[1]
-        return spectral_covariance(residual, jacobian, rows, prior, solution.at_bound)
+        measured = self.start.prior.measured(self.solution.x)
+        hessian, whitened = self.fitted.hessian, self.solution.whitened
+        chance = [spectral_covariance(*whitened, rows, hessian, one, measured) for one in held]
+        fits = [replace(self.fitted, at_bound=one) for one in held]
+        return list(zip(with_model_error(chance, fits, self.excess), chance, strict=True))
+
+    @cached_property
+    def excess(self) -> Array:
+        """Mean square of each joint's weighted residual above the noise, shape (n,); else 0."""
+        solution, signals = self.solution, self.equation.signals
+        noise = segments_noise([b.segment for b in signals.blocks])
+        link = solution.evaluation.link
+        floor = (
+            residual_noise(signals, self.equation.layout, solution.x, link, noise) * solution.weights[0] ** 2
+        )
+        chi = np.mean(solution.whitened[0] ** 2, axis=0)
+        return np.where(chi > ESTIMATION.noise_explains * floor, chi - floor, 0.0)
+
+    @cached_property
+    def fitted(self) -> FittedModel:
+        """The fit, for what its model lacks."""
+        solution, layout = self.solution, self.equation.layout
+        residual, jacobian = solution.whitened
+        x, link = solution.x, solution.evaluation.link
+        return FittedModel(
+            point=self.equation.at(x, solution.point),
+            chain=Chain(x[layout.compliance], x[layout.link_viscous], link),
+            weigh=self._weigh,
+            residual=residual.ravel(),
+            instruments=jacobian.reshape(-1, layout.size),
+            hessian=self.start.prior.gradient_and_hessian(x)[1],
+            at_bound=solution.at_bound,
+        )
+
+    def _weigh(self, columns: Array, block: int) -> Array:
+        """Columns of a block, shape (m, n, k), weighted like the residual, shape (m n, k)."""
+        rows = self.equation.signals.blocks[block].rows
+        return (columns * self.solution.weights[rows][:, :, None]).reshape(-1, columns.shape[2])
 
 
 def plain_fit(
     measurements: MeasurementSet,
     groups: tuple[Group, ...],
-    observer: str,
-    bandwidth: float | Sequence[float] | None,
+    settings: FitSettings,
     report: StepReporter,
-    max_iterations: int,
     model: FlexibleModel | None = None,
-    gains: EsoGains | None = None,
 ) -> PlainFit:
     """Fit with an observer; by default, the bandwidth of the zero-phase Butterworth of least residual.
 
     With a `model` its values are taken as they are.
     """
-    attempt = partial(
-        _attempt, measurements, groups, model=model, report=report, max_iterations=max_iterations
-    )
-    if observer != ButterworthZeroPhase.name or bandwidth is not None or gains is not None:
-        return attempt(make_observer(observer, bandwidth, gains), None)
+    most = settings.max_iterations
+    attempt = partial(_attempt, measurements, groups, model=model, report=report, max_iterations=most)
+    if not settings.automatic:
+        return attempt(settings.make_observer(), None)
     best: PlainFit | None = None
     for hertz in BAND_HERTZ:
         # the neighbouring band's result is a better start than the rigid fit

@@ -43,7 +43,7 @@ class ResidualPreview:
         measurements: the set.
         group: the group, or a part of it.
         model: its parameters are kept.
-        effects: those of the model beside the set's own.
+        effects: those of the model in addition to the set's own.
     """
 
     def __init__(

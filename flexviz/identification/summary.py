@@ -8,10 +8,10 @@ from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS
 from flexviz.equation import INERTIAL_NAMES, Layout
 from flexviz.estimation import BaseParameters, Covariance, Prior
-from flexviz.identification.result import Combination, ParameterEstimate
 from flexviz.identification.thresholds import IDENTIFICATION, IdentificationThresholds
 from flexviz.model import INERTIAL_UNITS
-from flexviz.results import Grade
+from flexviz.records import Combination, Grade, ParameterEstimate
+from flexviz.statistics import NORMAL_95
 
 
 def grade(kind: str, std: float, scale: float, prior_share: float) -> Grade:
@@ -45,8 +45,13 @@ def parameter_estimates(
     at_bound: Bools,
     prior: Prior,
     thresholds: IdentificationThresholds = IDENTIFICATION,
+    unbound: tuple[Covariance, Covariance] | None = None,
+    samples: int = 1000,
 ) -> tuple[ParameterEstimate, ...]:
-    """All parameters in the order of the solver's vector, then the friction sums."""
+    """All parameters of the model in the order of the solver's vector, then the friction sums.
+
+    `unbound`, `samples`: for `rigid_above`; covariances without holding a stiffness at its bound.
+    """
     cov, share = covariance.matrix, covariance.prior_share
     values, begin = x.copy(), start.copy()
     values[layout.compliance] = 1 / x[layout.compliance]
@@ -59,13 +64,14 @@ def parameter_estimates(
     at_bound = at_bound & ~given
     std[at_bound], std[given] = np.inf, 0.0
     kinds, scales = _kinds_and_scales(layout, x, values, prior, thresholds)
-    names = layout.names()
-    labels = layout.labels()
+    names, labels = layout.names(), layout.labels()
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = cov / np.sqrt(np.outer(variance, variance))
     places = {k: effect for effect, where in layout.effect_slices() for k in range(where.start, where.stop)}
     out = []
-    for k, (name, joint, unit) in enumerate(names):
+    above = rigid_above(layout, x, unbound or (covariance, covariance), at_bound & (x < start), samples)
+    for k in map(int, np.flatnonzero(~layout.held)):
+        name, joint, unit = names[k]
         identifiable = "yes" if given[k] else grade(kinds[k], std[k], scales[k], share[k])
         tied: tuple[str, ...] = ()
         if identifiable != "yes" and not at_bound[k]:
@@ -87,34 +93,57 @@ def parameter_estimates(
                 at_bound=bool(at_bound[k]),
                 payload=effect.payload if effect else None,
                 group=effect.group if effect else None,
+                rigid_above=above.get(k),
             )
         )
     return (*out, *_friction_sums(layout, x, start, covariance))
 
 
+def rigid_above(
+    layout: Layout, x: Array, covariances: tuple[Covariance, Covariance], at_lowest: Bools, samples: int
+) -> dict[int, float]:
+    """Place of each stiffness that may be infinite -> what it is above, at 95 % [Nm/rad].
+
+    The compliance c enters the equation nearly linearly, so that c = 0, a model with one parameter less,
+    costs (c/σ)²/2 nats and saves ½ ln N (Schwarz). It is also as good where c is held at its lower bound.
+    `covariances`: with what the model lacks, for the limit, and of chance alone, which decides.
+    """
+    out, (errors, chance) = {}, (one.standard_errors for one in covariances)
+    for k in range(layout.compliance.start, layout.compliance.stop):
+        saved = np.sqrt(np.log(samples)) * float(chance[k])
+        if not layout.held[k] and (x[k] < saved or at_lowest[k]):
+            out[k] = 1 / (float(x[k]) + NORMAL_95 * float(errors[k]))
+    return out
+
+
 def _friction_sums(layout: Layout, x: Array, start: Array, covariance: Covariance) -> list[ParameterEstimate]:
     """Sum of the viscous friction on both sides of each joint, better determined than its parts."""
     out = []
+    sides = [rows for rows in (layout.link_viscous, layout.motor_viscous) if x[rows].size]
     for j, joint in enumerate(layout.joints):
-        pair = [layout.link_viscous.start + j, layout.motor_viscous.start + j]
+        if j in layout.no_torque:
+            continue
+        pair = [rows.start + j for rows in sides]
         total = float(x[pair].sum())
         std = float(np.sqrt(max(covariance.matrix[np.ix_(pair, pair)].sum(), 0.0)))
         identifiable = grade("friction", std, max(total, 1e-12), float(min(covariance.prior_share[pair])))
         name, unit, begin = "viscous_friction_sum", "Nm s/rad", float(start[pair].sum())
-        out.append(ParameterEstimate(name, joint, total, std, unit, begin, identifiable))
+        out.append(ParameterEstimate(name, joint, total, std, unit, identifiable, begin))
     return out
 
 
 def _kinds_and_scales(
     layout: Layout, x: Array, values: Array, prior: Prior, thresholds: IdentificationThresholds
 ) -> tuple[list[str], Array]:
-    n = layout.n
-    kinds = ["inertial"] * (10 * n) + ["stiffness"] * n + ["motor_inertia"] * n + ["friction"] * (2 * n)
+    kinds = ["friction"] * layout.effect_start
+    kinds[layout.inertial] = ["inertial"] * (10 * layout.n)
+    kinds[layout.compliance] = ["stiffness"] * layout.n
+    kinds[layout.motor_inertia] = ["motor_inertia"] * len(x[layout.motor_inertia])
     scales = np.abs(values).copy()
     scales[layout.inertial] = np.maximum(np.abs(x[layout.inertial]), natural_scale(prior))
-    floor = thresholds.viscous_floor * (x[layout.link_viscous] + x[layout.motor_viscous])
+    floor = np.maximum(thresholds.viscous_floor * (x[layout.link_viscous] + layout.motor_side(x)[1]), 1e-12)
     for part in (layout.link_viscous, layout.motor_viscous):
-        scales[part] = np.maximum(x[part], np.maximum(floor, 1e-12))
+        scales[part] = np.maximum(x[part], floor[: len(x[part])])
     for effect, where in layout.effect_slices():
         kinds += ["effect"] * len(EFFECTS[effect.effect].parameters)
         scales[where] = np.maximum(np.abs(x[where]), thresholds.effect_floor * prior.spread[where])
@@ -142,11 +171,11 @@ def combinations(
         out.append(
             Combination(
                 base.names[i],
-                {labels[k]: float(row[k]) for k in np.flatnonzero(row)},
                 float(values[i]),
                 float(deviation[i]),
                 INERTIAL_UNITS[INERTIAL_NAMES[column % 10]],
                 grade("inertial", float(deviation[i]), scale, share),
+                {labels[k]: float(row[k]) for k in np.flatnonzero(row)},
             )
         )
     return tuple(out)

@@ -18,6 +18,7 @@ from flexviz.importing.inspecting import Inspection, inspect_logs
 from flexviz.importing.mapping import Fix, Issue, Mapping, read_mapping
 from flexviz.importing.plausibility import issues_of_set, plausibility_warnings, with_plausibility_warnings
 from flexviz.importing.previewing import ColumnPreview, LogPreview, preview, readable
+from flexviz.importing.proposals import Proposal
 
 __all__ = [
     "ANGLE",
@@ -36,6 +37,7 @@ __all__ = [
     "LogPreview",
     "Mapping",
     "Person",
+    "Proposal",
     "Questions",
     "add_payload",
     "carry",

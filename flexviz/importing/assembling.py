@@ -201,6 +201,7 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
     zero = float(time[0])
     names = entry.group, entry.trajectory or entry.group, entry.payload
     columns |= {"validation": entry.validation, "temperature": entry.temperature}
+    columns |= {"kind": entry.kind, "clamped": entry.clamped}
     table = GroupTable(*names, time - zero, **columns)  # type: ignore[arg-type]
     return AssembledGroup(entry, log.kind, table, traces, zero, tuple(dict.fromkeys(notes)))
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping as Named
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from flexviz.importing.assembling import AssembledGroup
 from flexviz.importing.mapping import Issue, Mapping
 from flexviz.importing.plausibility import check_groups
+from flexviz.importing.proposals import Proposal
 from flexviz.importing.samples import SPOILT, check_samples, without_stretches
+from flexviz.measurements import TorqueRun, no_torque_text, silent_torques
 from flexviz.robot import PayloadBody, Robot
 
 
@@ -23,6 +28,9 @@ def check_all(
 
     Samples that jump contradict anything; but in a wrong unit, smooth motion may look like jumps.
     """
+    # what holds against a clamp is no motion of the robot's masses
+    groups = _without_torques(mapping, [group for group in groups if group.entry.kind == "motion"])
+    silent = check_silent(mapping, robot, payloads, groups)
     samples = check_samples(mapping, robot, payloads, groups)
     spoilt = [issue for issue in samples if issue.kind in SPOILT]
     if any(issue.proposals for issue in spoilt):
@@ -34,4 +42,41 @@ def check_all(
     }
     if spoilt := [issue for issue in spoilt if not unit & set(issue.joints)]:
         return spoilt
-    return [*found, *(issue for issue in samples if issue.kind not in SPOILT)]
+    found += [issue for issue in samples if issue.kind not in SPOILT]
+    quiet = {joint for issue in silent for joint in issue.joints}
+    told = [issue for issue in found if issue.kind != "unexplained" or not quiet.issuperset(issue.joints)]
+    return [*told, *silent]
+
+
+def _without_torques(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[AssembledGroup]:
+    """The groups without the torques that the mapping states to be no signal."""
+    silent = mapping.model.no_torque
+    kept = np.array([joint not in silent for joint in mapping.names])
+    return [
+        replace(
+            group,
+            table=replace(group.table, tau=np.where(kept, group.table.tau, 0.0)),
+            traces={at: trace for at, trace in group.traces.items() if at[0] not in silent or at[1] != "tau"},
+        )
+        for group in groups
+    ]
+
+
+def check_silent(
+    mapping: Mapping,
+    robot: Robot,
+    payloads: Named[str, Sequence[PayloadBody]],
+    groups: Sequence[AssembledGroup],
+) -> list[Issue]:
+    """Torques that are no signal although their joints move: one issue, with the key that leaves them out."""
+    runs = [
+        TorqueRun(payloads[table.payload], table.time, table.theta, table.tau)
+        for table in (group.table for group in groups)
+    ]
+    stated = mapping.model.no_torque
+    found = {j: what for j, what in silent_torques(robot, runs).items() if j not in stated}
+    if not found or len(found) + len(stated) == robot.n:
+        return []
+    key = Proposal(("model",), "no_torque", [*stated, *found])
+    message = f"{no_torque_text(found)}: the motion of such a joint counts all the same"
+    return [Issue("no_torque", "odd", tuple(found), "tau", message, proposals=(key,))]

@@ -37,7 +37,7 @@ class ColumnFamily:
 def find_families(
     columns: Sequence[str], joints: Sequence[str], units: Mapping[str, str]
 ) -> list[ColumnFamily]:
-    """All families, those with most joints first; `units` are those that the file states beside the names."""
+    """All families, those with most joints first; `units` are those that the file states with the names."""
     said = {column: words(without_unit(column)) for column in columns}
     named: dict[tuple[str, ...], dict[str, str]] = {}
     numbered: dict[tuple[str, ...], dict[int, str]] = {}

@@ -19,6 +19,7 @@ from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
 
 DEGREE = ANGLE["deg"]  # [rad]
+GEARS = 5.0, 500.0  # smallest and largest ratio taken for a gear
 # in which signals are recorded in practice
 USUAL_UNITS = (("rad", "deg", "rev"), ("m", "mm"), ("Nm", "mNm", "Ncm"), ("N", "kN"))
 
@@ -96,7 +97,7 @@ def theta_changes(mapping: Mapping, joint: str) -> list[ColumnChange]:
 
 
 def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> list[Issue]:
-    """Issues of the columns that are only for comparison, or of θ beside them."""
+    """Issues of the columns that are only for comparison, or of θ compared with them."""
     found: list[Issue] = []
     for name in ("q", "theta_ref"):
         for j, joint in enumerate(mapping.names):
@@ -173,19 +174,19 @@ def find_scales(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> boo
 
 def find_gear(joint: DraftJoint, parts: Sequence[JointPart]) -> bool:
     """Find a gear by which θ turns farther than q; whether there is one."""
-    if followed(parts)[0] < LIMITS.gear_motion:
+    if followed(parts)[0] < LIMITS.same_motion:
         return False
     ratio, std = gear_ratio(parts)
-    if abs(abs(ratio) * DEGREE - 1.0) < LIMITS.degrees:
+    if 1 / LIMITS.agrees < abs(ratio) * DEGREE < LIMITS.agrees:
         return False  # degrees: the robot's masses will tell
-    if abs(ratio) > LIMITS.gears[1] and "unit" not in joint.signals["theta"]:
+    if abs(ratio) > GEARS[1] and "unit" not in joint.signals["theta"]:
         joint.signals["theta"]["unit"] = "deg"
         joint.comment("theta", f"{abs(ratio):.4g} times q: degrees of the motor")
         ratio, std = ratio * DEGREE, std * DEGREE
-    if not LIMITS.gears[0] < abs(ratio) < LIMITS.gears[1]:
+    if not GEARS[0] < abs(ratio) < GEARS[1]:
         return False
     whole = round(abs(ratio))
-    certain = abs(abs(ratio) - whole) < max(3 * std, 1e-3 * whole) and std < LIMITS.whole_std
+    certain = abs(abs(ratio) - whole) < max(3 * std, 1e-3 * whole) and 3 * std < 1
     joint.gear = float(whole) if certain else float(f"{abs(ratio):.4g}")
     found = f"{ratio:.5g} ± {NORMAL_95 * std:.1g}"
     joint.comment("gear", f"theta turns {found} times as far as q; the data sheet has the exact value")

@@ -41,9 +41,23 @@ class ClockOffset:
     std: float  # [s] its standard error, from the joints' disagreement too
 
     @property
+    def text(self) -> str:
+        """How the clocks differ; what the data exclude where they do not show it."""
+        error = NORMAL_95 * self.std
+        if abs(self.delay) < error:
+            return f"within {1e3 * (abs(self.delay) + error):.2g} ms of that of theta"
+        side = "behind" if self.delay > 0 else "ahead of"
+        return f"{in_ms(self.delay, error)} {side} that of theta"
+
+    @property
     def significant(self) -> bool:
         """Whether it is larger than drivers and the estimate's error explain."""
-        return abs(self.delay) >= max(LIMITS.clock_offset, LIMITS.clock_sigmas * self.std)
+        return abs(self.delay) >= max(LIMITS.clock_offset, LIMITS.delay_sigmas * self.std)
+
+
+def in_ms(delay: float, error: float) -> str:
+    """A delay's size with its 95 % interval, both in s."""
+    return f"{1e3 * abs(delay):.3g} ± {1e3 * error:.2g} ms"
 
 
 class JointTraces(NamedTuple):
@@ -179,10 +193,13 @@ class DelayEstimate:
 
     @property
     def text(self) -> str:
-        """When the torque acts, for "the recorded torque acts …"."""
-        when = "later" if self.seconds > 0 else "earlier"
+        """When the torque acts; what the data exclude where no delay shows."""
         error = NORMAL_95 * self.std
-        return f"{1e3 * abs(self.seconds):.3g} ± {1e3 * error:.2g} ms {when} than it is stamped"
+        if abs(self.seconds) < error:
+            most = 1e3 * (abs(self.seconds) + error)
+            return f"torque and motion agree in time within {most:.2g} ms"
+        when = "later" if self.seconds > 0 else "earlier"
+        return f"the recorded torque acts {in_ms(self.seconds, error)} {when} than it is stamped"
 
 
 def torque_delay(
@@ -196,12 +213,12 @@ def torque_delay(
     progress(Progress("comparing torque and motion", 0.0))
     try:
         result = identification.identify(
-            replace(measurements, groups=groups), effects=own, should_stop=should_stop
+            replace(measurements, groups=groups), effects=own, refine=False, should_stop=should_stop
         )
     except (FlexvizError, np.linalg.LinAlgError):
         return None
     found = [p for p in result.parameters if p.name == "torque_delay.delay" and p.identifiable != "no"]
-    if result.stopped or not result.converged or not found or found[0].std is None:
+    if result.stopped or not result.converged or not found or not np.isfinite(found[0].std):
         return None
     segments = [segment for group in groups for segment in group.segments]
     powers = np.maximum(np.mean([np.var(s.tau, axis=0) for s in segments], axis=0), 1e-300)
@@ -229,12 +246,10 @@ def shortened(group: Group) -> Group:
 def delay_issues(delay: DelayEstimate, measurements: MeasurementSet) -> list[Issue]:
     """A delay that is certain, and longer than sampling and friction explain."""
     step = max(segment.step for group in measurements.groups for segment in group.segments)
-    if abs(delay.seconds) < max(
-        LIMITS.smallest_delay, LIMITS.delay_steps * step, LIMITS.delay_sigmas * delay.std
-    ):
+    if abs(delay.seconds) < max(LIMITS.smallest_delay, step, LIMITS.delay_sigmas * delay.std):
         return []
     message = (
-        f"torque and acceleration disagree in time: the recorded torque acts {delay.text} "
+        f"torque and acceleration disagree in time: {delay.text} "
         f"({abs(delay.seconds) / step:.2g} samples); "
         'time.shift corrects it where tau has a clock of its own, the effect "torque_delay" fits it'
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,9 @@ from typing import Any
 from flexviz import toml
 from flexviz.importing.formats import LogSource
 from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
-from flexviz.importing.proposals import Proposal
+from flexviz.importing.proposals import Proposal, proposed
+from flexviz.measurements import TorqueSide
+from flexviz.mounting import GRAVITY
 from flexviz.robot import is_library_robot
 
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
@@ -69,9 +71,11 @@ class Draft:
     robot: str  # as in a measurement set; a URDF's path as it was given
     sources: list[LogSource]  # the logs, with the names of their groups and whether each is for validation
     groups: list[str]
+    gravity: tuple[float, float, float] = GRAVITY  # [m/s²] in the base's frame
     validation: set[str] = field(default_factory=set)
     payloads: dict[str, list[dict[str, Any]]] = field(default_factory=dict)  # name -> bodies, as in a set
     loads: dict[str, str] = field(default_factory=dict)  # group -> its payload; none where it is not here
+    torque: TorqueSide | None = None  # None: the data decide
     time: dict[str, Any] = field(default_factory=dict)  # the keys of [time]
     time_comment: str = ""
     joints: dict[str, DraftJoint] = field(default_factory=dict)  # name -> entry
@@ -80,6 +84,8 @@ class Draft:
     proposals: list[tuple[Proposal, str]] = field(
         default_factory=list
     )  # keys for the user to decide, and why
+
+    accepted: list[Proposal] = field(default_factory=list)  # of the logs and of the whole
 
     def mapping(self) -> Mapping:
         """The mapping, checked; paths are as they were given. InputError where something is missing."""
@@ -97,9 +103,11 @@ class Draft:
         joints = {name: joint.document() for name, joint in self.joints.items()}
         robot = self.robot if is_library_robot(self.robot) else relative(Path(self.robot), folder)
         document: dict[str, Any] = {"format": 1, "robot": robot}
+        document |= {"gravity": list(self.gravity)} if self.gravity != GRAVITY else {}
+        document |= {"torque": self.torque} if self.torque else {}
         document |= {"time": self.time} if self.time else {}
         payloads = {name: {"bodies": bodies} for name, bodies in {"none": [], **self.payloads}.items()}
-        return document | {"payloads": payloads, "logs": logs, "joints": joints}
+        return proposed(document | {"payloads": payloads, "logs": logs, "joints": joints}, self.accepted)
 
     def apply(self, fixes: tuple[Fix, ...], why: str) -> None:
         """Apply fixes, and comment on the reason."""
@@ -110,12 +118,27 @@ class Draft:
                 del joint.signals[fix.signal][fix.key]
             joint.comment(fix.signal, why)
 
+    def accept(self, remedies: Iterable[Proposal], why: str) -> None:
+        """Set proposed keys, and comment on the reason where a joint has them."""
+        for one in remedies:
+            if one.place[:1] == ("joints",):
+                _, joint, signal = one.place
+                self.apply((Fix(joint, signal, one.key, one.value),), why)
+            elif one.key == "gravity":
+                x, y, z = one.value
+                self.gravity = x, y, z
+            else:
+                self.accepted.append(one)
+
     def text(self, file: Path | None) -> str:
         """The file's text, with comments; `file` is its future path, None: in the current folder."""
         folder = Path.cwd() if file is None else file.absolute().parent
         document = self.document(folder)
         lines = [*HEAD.format(name=file.name if file else "mapping.toml").splitlines(), ""]
-        lines += toml.dumps({"format": 1, "robot": document["robot"]}).splitlines()
+        tables = ("time", "payloads", "logs", "joints")
+        lines += toml.dumps({key: document[key] for key in document if key not in tables}).splitlines()
+        if model := self.proposed("model"):
+            lines += ["", "# [model]", *model]
         lines += ["", *self.proposed(), *(f"# {line}" for line in self.seen)]
         if self.missing:
             lines += ["", *(f"# MISSING: {line}" for line in self.missing)]
@@ -126,7 +149,7 @@ class Draft:
                 *(f"{key} = {toml.value_text(value)}" for key, value in self.time.items()),
             ]
             lines[-1] += f"  # {self.time_comment}" if self.time_comment else ""
-        lines += toml.dumps({"payloads": document["payloads"]}).splitlines()
+        lines += ["", *toml.dumps({"payloads": document["payloads"]}).splitlines()]
         lines += [] if self.payloads else PAYLOAD_EXAMPLE
         for log in document["logs"]:
             lines += ["", *toml.dumps({"logs": [log]}).strip().splitlines()]

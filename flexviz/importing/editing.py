@@ -138,6 +138,7 @@ def carry(old: Draft, new: Draft, log: LogPreview) -> bool:
     if not columns <= set(log.columns) or set(old.joints) != set(new.joints):
         return False
     new.joints, new.time, new.payloads, new.loads = old.joints, old.time, old.payloads, old.loads
+    new.gravity = old.gravity
     kept = {group for group in old.validation if group in new.groups}
     new.validation = kept or new.validation
     return True

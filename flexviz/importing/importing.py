@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.equation import behind_gear
 from flexviz.errors import InputError
 from flexviz.files import named_errors, temporary_folder, whole_folder
 from flexviz.importing.assembling import AssembledGroup, assemble
@@ -34,9 +35,14 @@ from flexviz.measurements import (
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.robot import PayloadBody, Robot, is_library_robot
 from flexviz.robot_files import mesh_names, resolve_mesh
-from flexviz.statistics import NORMAL_95
 
 FORMAT = 1  # of the report as JSON
+BEHIND_GEAR = (
+    "the torque is that of joint torque sensors, as stated: the model has no motor inertia"
+    " and no motor friction",
+    "the torque shows no motor inertia: it is taken for that of joint torque sensors, behind the gears; "
+    'torque = "joint" in the mapping confirms this, torque = "motor" denies it',
+)
 MOST_ROUNDS = 4  # of mending: one repair may show what another finding has hidden
 # with such an issue the torque's delay proves nothing
 ABOUT_UNITS = ("unit", "sign", "zero", "coupling", "unexplained", *SPOILT, "held")
@@ -112,7 +118,7 @@ def import_logs(
         mapping: the content of `file`, where it was read already.
         table_format: "parquet" or "csv".
         accept: write the set although something looks wrong; data that cannot be a set are still refused.
-        mend: set the keys that are proposed for the samples.
+        mend: set the keys that are proposed.
         progress, should_stop: see flexviz.progress.
     """
     file = Path(file)
@@ -121,7 +127,7 @@ def import_logs(
     if target is not None:
         check_free(target)
     folder = file.absolute().parent
-    robot = read_robot(mapping.robot, mapping.names, folder, file)
+    robot = read_robot(mapping.robot, mapping.names, folder, file, mapping.gravity)
     mapping = mapping.for_joints(robot.prismatic, file)
     payloads = {"none": (), **read_payloads(mapping, robot, file)}  # refuses wrong ones before logs are read
     mapping, groups, found, mended = read_and_check(
@@ -145,6 +151,8 @@ def import_logs(
             delay = torque_delay(measurements, progress, should_stop)
         check_stop(should_stop)
     late = delay_issues(delay, measurements) if delay is not None else []
+    if behind_gear(measurements):
+        notes.append(BEHIND_GEAR[mapping.torque is None])
     warnings = (*notes, *measurements.warnings)
     return replace(done, folder=target, delay=delay, issues=(*found, *late), warnings=warnings)
 
@@ -171,6 +179,7 @@ def read_and_check(
         document = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
         document = proposed(document, (proposal for issue in found for proposal in issue.proposals))
         mapping = parse(document, file).for_joints(robot.prismatic, file)
+        robot = robot.mounted(mapping.gravity or robot.gravity)
     return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]
 
 
@@ -218,9 +227,7 @@ def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
             continue
         total = mapping.time.shift.get(offset.clock, 0.0) - offset.delay
         message = (
-            f'in {offset.group} the clock of "{offset.clock}" is {1e3 * abs(offset.delay):.4g} ± '
-            f"{1e3 * NORMAL_95 * offset.std:.2g} ms {'behind' if offset.delay > 0 else 'ahead of'} that of "
-            "theta; "
+            f'in {offset.group} the clock of "{offset.clock}" is {offset.text}; '
             f'[time] shift."{offset.clock}" = {total:.6g} would correct it'
         )
         found.append(Issue("clock", "odd", mapping.names, "q", message))
@@ -240,16 +247,20 @@ def write_groups(
     write_set(
         new,
         robot=source,
+        gravity=mapping.gravity,
         joints=mapping.names,
         groups=[group.table for group in groups],
         payloads=payloads,
         torque_hold=mapping.torque_hold,
         date=mapping.date,
+        torque=mapping.torque,
         initial_stiffness=mapping.initial.stiffness,
         initial_motor_inertia=mapping.initial.motor_inertia,
         kp=mapping.controller.kp if mapping.controller else None,
         kd=mapping.controller.kd if mapping.controller else None,
         effects=mapping.model.effects,
+        rigid=mapping.model.rigid,
+        no_torque=mapping.model.no_torque,
         files=files,
         table_format=table_format,
     )

@@ -16,7 +16,7 @@ from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
 from flexviz.importing.column_names import FORCE, LENGTH
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
 from flexviz.importing.cross_checks import find_scales
-from flexviz.importing.delays import clock_offsets
+from flexviz.importing.delays import clock_offsets, in_ms
 from flexviz.importing.draft import Draft, DraftJoint, Questions
 from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_run
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
@@ -24,6 +24,7 @@ from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.ready_mappings import Recognised, recognised
 from flexviz.importing.torque_meaning import ask_for_meaning
 from flexviz.measurements import Array, read_robot
+from flexviz.mounting import GRAVITY
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
@@ -56,23 +57,25 @@ def inspect_logs(
     paths: Sequence[Path],
     robot: str,
     *,
+    gravity: tuple[float, float, float] | None = None,
     questions: Questions | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> Inspection:
-    """Draft a mapping of the columns of logs.
+    """Draft a mapping of the columns of logs; nothing is written.
 
-    `robot` is a URDF's path, `example-robot-data:<name>` or `robots:<name>`. Nothing is written.
+    `robot` is a URDF's path, `example-robot-data:<name>` or `robots:<name>`; `gravity` (None: upright) is in
+    its base's frame.
     """
-    asked = questions or Questions()
+    asked, gravity = questions or Questions(), gravity or GRAVITY
     sources = find_logs(paths)
-    whole = read_robot(robot, None, Path.cwd(), Path("--robot"))
+    whole = read_robot(robot, None, Path.cwd(), Path("--robot"), gravity)
     options = ReadOptions(None, None, progress, should_stop)
     logs = [open_run(source, options) for source in sources[:INSPECTED_LOGS]]
     if together := paired(sources, logs[0], whole.joints, options):
         sources = together
         logs = [open_run(source, options) for source in sources[:INSPECTED_LOGS]]
-    draft = Draft(robot, list(sources), group_names(sources))
+    draft = Draft(robot, list(sources), group_names(sources), gravity=gravity)
     draft.seen = [*describe(logs[0]), *(f"  robot: {note}" for note in whole.notes)]
     families = families_of(logs[0], whole.joints)
     ready = recognised(logs[0], whole.joints)
@@ -158,6 +161,7 @@ def tell_ready(draft: Draft, ready: Recognised, asked: Questions) -> None:
     stated = all("unit" in joint.signals.get("tau", {}) for joint in draft.joints.values())
     if torque.needs and not stated:
         draft.missing.append(torque.needs)
+    draft.torque = "joint" if torque.behind_gear else None
     for joint in draft.joints.values():
         joint.comment("tau", torque.means)
     if torque.side == "motor":
@@ -289,7 +293,7 @@ def correct(
     draft: Draft, logs: Sequence[Log], asked: Questions, progress: ProgressCallback, should_stop: StopCallback
 ) -> list[Issue]:
     """Let the data correct units, sides, signs and clocks; the issues that remain."""
-    robot = Robot.load(draft.robot, tuple(draft.joints))
+    robot = Robot.load(draft.robot, tuple(draft.joints), gravity=draft.gravity)
     remaining: list[Issue] = []
     for round_ in range(CORRECTION_ROUNDS):
         progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
@@ -307,7 +311,8 @@ def correct(
             draft.apply(issue.fixes, issue.message)
         if not certain and not ask_for_scales(draft, remaining, asked):
             break
-    draft.proposals = [(proposal, issue.message) for issue in remaining for proposal in issue.proposals]
+    # what a certain issue needs was applied; of an odd one the user decides
+    draft.proposals = [(proposal, issue.message) for issue in remaining for proposal in issue.remedies]
     return remaining
 
 
@@ -341,5 +346,5 @@ def shift_clocks(draft: Draft, group: AssembledGroup) -> None:
         if offset.significant:
             draft.time.setdefault("shift", {})[offset.clock] = round(-offset.delay, 6)
             late = "late" if offset.delay > 0 else "early"
-            size = f"{1e3 * abs(offset.delay):.4g} ± {1e3 * NORMAL_95 * offset.std:.2g} ms"
+            size = in_ms(offset.delay, NORMAL_95 * offset.std)
             draft.time_comment = f"[s]; {offset.clock} is {size} {late} against θ"

@@ -16,11 +16,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexviz import toml
-from flexviz.arrays import Bools
+from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, size_of
 from flexviz.importing.proposals import Proposal
-from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader, Temperatures
+from flexviz.measurements import OPTIONAL_SIGNALS, Clamped, GroupKind, SetHeader, Temperatures, check_clamped
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
 FORMAT = 1
@@ -150,6 +150,8 @@ class LogEntry(StrictTable):
     leave_out: list[Annotated[list[NotNegative], Field(min_length=2, max_length=2)]] = Field(
         default_factory=list
     )  # [s] stretches [begin, end], counted as `from` is
+    kind: GroupKind = "motion"
+    clamped: Clamped = False
     drop_jumps: bool = False  # leave out rows in which a position has jumped away and comes back
 
     def uses(self, since: Array) -> Bools:
@@ -228,15 +230,18 @@ class Fix:
     value: str | float | int
 
 
+IssueKind = Literal[
+    "unit", "sign", "zero", "coupling", "swapped", "order", "mounting", "gravity", "payload", "delay",
+    "clock", "unexplained", "messages", "wrapped", "dropped", "outliers", "jumps",
+    "repeated", "stale", "constant", "held", "contact", "filtered", "no_torque",
+]  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Issue:
     """Something in the data that looks wrong or odd."""
 
-    kind: Literal[
-        "unit", "sign", "zero", "coupling", "swapped", "order", "delay", "clock", "unexplained",
-        "messages", "wrapped", "dropped", "outliers", "jumps",
-        "repeated", "stale", "constant", "held", "contact", "filtered",
-    ]  # fmt: skip
+    kind: IssueKind
     # "wrong": the data contradict the mapping, the set is not written unless the user insists;
     # "odd": it may be intended
     severity: Literal["wrong", "odd"]
@@ -245,6 +250,12 @@ class Issue:
     message: str  # one sentence with numbers
     fixes: tuple[Fix, ...] = ()  # changes that would resolve it, where they are known
     proposals: tuple[Proposal, ...] = ()  # keys that would, for the user to decide
+
+    @property
+    def remedies(self) -> tuple[Proposal, ...]:
+        """Fixes and proposals, all as keys of the mapping."""
+        fixes = (Proposal(("joints", fix.joint, fix.signal), fix.key, fix.value) for fix in self.fixes)
+        return *fixes, *self.proposals
 
     def __str__(self) -> str:
         return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
@@ -261,6 +272,7 @@ def parse(data: dict[str, Any], file: Path) -> Mapping:
         raise InputError("this is a measurement set, expected a mapping with [[logs]]", file=file)
     mapping = validate(Mapping, data, file, FORMAT)
     mapping.check_lengths(len(mapping.joints), file)
+    mapping.model.check_joints(mapping.names, file)
     check(mapping, file)
     return mapping
 
@@ -285,6 +297,7 @@ def check(mapping: Mapping, file: Path) -> None:
             if last <= first:
                 refuse(f"{place}, leave_out", f"found [{first:g}, {last:g}], expected [begin, end] in s")
         mapping.check_temperature(log.temperature, len(mapping.joints), file, place)
+        check_clamped(log.kind, log.clamped, mapping.names, file, place)
     if mapping.coupling is not None:
         check_coupling(mapping, mapping.coupling, refuse)
     used: dict[str, str] = {}

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flexviz.importing.closer_look import look_closer
+from flexviz.importing.comparison import Comparison, LoadedTable
 from flexviz.importing.cross_checks import check_optional_columns
+from flexviz.importing.doubts import check_torques
 from flexviz.importing.mapping import Issue, Mapping, parse
 from flexviz.importing.thresholds import LIMITS
-from flexviz.importing.torque_checks import check_torques
-from flexviz.importing.torque_model import LoadedTable, TorqueModel
 from flexviz.measurements import GroupTable, MeasurementSet
 from flexviz.robot import Robot
 
@@ -20,21 +19,18 @@ log = logging.getLogger(__name__)
 
 
 def check_groups(
-    mapping: Mapping, robot: Robot, groups: Sequence[LoadedTable], guessed: bool = False, closely: bool = True
+    mapping: Mapping, robot: Robot, groups: Sequence[LoadedTable], guessed: bool = False
 ) -> list[Issue]:
     """Units, signs, zero positions and mix-ups that the data contradict.
 
-    `guessed`: the payloads are not known yet, so the group that is explained best alone decides. `closely`:
-    look for zero positions and couplings, too, that leave the torques mostly explained.
+    `guessed`: the payloads are not known yet, so the group that is explained best alone decides.
     """
-    model = TorqueModel(robot, groups)
+    comparison = Comparison(robot, groups)
     if guessed and len(groups) > 1:
-        model = max((TorqueModel(robot, [group]) for group in groups), key=TorqueModel.best_share)
-    found = check_torques(mapping, model)
-    if closely and model.usable and not found:
-        found = look_closer(mapping, model)
+        comparison = max((Comparison(robot, [group]) for group in groups), key=Comparison.best_score)
+    found = check_torques(mapping, comparison, not guessed)
     known = {(joint, signal) for s in found for joint in s.joints for signal in s.signal.split(" and ")}
-    found += [s for s in check_range(mapping, model) if (s.joints[0], "theta") not in known]
+    found += [s for s in check_range(mapping, comparison) if (s.joints[0], "theta") not in known]
     # a wrong θ makes its torque and the columns compared with it inconclusive
     wrong_theta = {s.joints[0] for s in found if s.signal == "theta"}
     found = [s for s in found if s.kind != "unexplained" or not wrong_theta & set(s.joints)]
@@ -46,7 +42,7 @@ def check_groups(
     return found
 
 
-def check_range(mapping: Mapping, model: TorqueModel) -> list[Issue]:
+def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:
     """Positions that leave the joint's range, or move faster than it can, by far."""
     found = []
     for j, joint in enumerate(mapping.names):
@@ -82,13 +78,11 @@ def plausibility_warnings(measurements: MeasurementSet) -> list[str]:
     An identification alone would silently fit a torque of the wrong sign or an angle in degrees.
     """
     file = measurements.path / "measurements.toml"
-    issues = issues_of_set(measurements, closely=False)
+    issues = issues_of_set(measurements)
     return [f"{file}: {issue}" for issue in issues if issue.severity == "wrong"]
 
 
-def issues_of_set(
-    measurements: MeasurementSet, keys: dict[str, float] | None = None, *, closely: bool = True
-) -> list[Issue]:
+def issues_of_set(measurements: MeasurementSet, keys: dict[str, float] | None = None) -> list[Issue]:
     """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
     # a mapping that takes the set's columns unchanged
     joints = {
@@ -98,4 +92,4 @@ def issues_of_set(
     groups = [
         (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
     ]
-    return check_groups(parse(document, Path("mapping")), measurements.robot, groups, closely=closely)
+    return check_groups(parse(document, Path("mapping")), measurements.robot, groups)

@@ -35,6 +35,7 @@ class SignalColumns(StrictTable):
     side: Literal["joint", "motor"] = "joint"
     offset: Number = 0.0
     current: bool = False  # counts of a current: `unit` is their size in A
+    behind_gear: bool = False  # τ of a joint torque sensor
     means: str = ""  # of τ: what it contains
     needs: str = ""  # a unit that only the log's own header may state
 

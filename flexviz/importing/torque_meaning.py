@@ -21,6 +21,7 @@ OPTIONS = (
     "joint torque sensor",
     "motor torque at the joint without the controller's gravity term",
 )
+SENSOR = OPTIONS.index("joint torque sensor")
 MOST_POSES = 200  # of a log
 
 
@@ -35,6 +36,7 @@ def ask_for_meaning(
     chosen = asked.choose(f"What is {family.name}?{f' In these data {says}' if says else ''}", OPTIONS, 0)
     meaning = OPTIONS[chosen or 0]
     draft.seen.append(f"  {family.name}: taken for {meaning}" + (f"; {says}" if says else ""))
+    draft.torque = "joint" if chosen == SENSOR else None
     for joint in draft.joints.values():
         if chosen:
             joint.comment("tau", meaning)

@@ -18,12 +18,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from flexviz._scipy import sp
 from flexviz.arrays import Array, Indices
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, neighbour
 from flexviz.equation import Chain, Equation, Layout, Signals, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import WIDE_HERTZ, noise_density, noise_paths
-from flexviz.fourier import quick_length
+from flexviz.fields import Floats
 from flexviz.laws.bins import Means, binned, path_length, tukey
 from flexviz.laws.variables import LawSamples, LawVariable, variable_of
 from flexviz.measurements import MeasurementSet
@@ -74,17 +75,17 @@ class LawThroughData:
     unit: str
     quantity: str
     quantity_unit: str
-    at: Array
-    law: Array
-    law_std: Array
-    data: Array
-    data_std: Array
-    noise: Array
-    count: Array
+    at: Floats
+    law: Floats
+    law_std: Floats
+    data: Floats
+    data_std: Floats
+    noise: Floats
+    count: Floats
     leftover: float
-    fine_at: Array = field(default_factory=lambda: np.zeros(0))
-    fine_law: Array = field(default_factory=lambda: np.zeros(0))
-    fine_std: Array = field(default_factory=lambda: np.zeros(0))
+    fine_at: Floats = field(default_factory=lambda: np.zeros(0))
+    fine_law: Floats = field(default_factory=lambda: np.zeros(0))
+    fine_std: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def line(self) -> tuple[Array, Array, Array]:
@@ -169,7 +170,7 @@ class _Drawing:
         self._weights, self._lines = [], 0.0
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step
-            length = quick_length(2 * (rows.stop - rows.start))
+            length = sp.fft.next_fast_len(2 * (rows.stop - rows.start), real=True)
             hertz: Array = np.arange(length // 2 + 1) / (length * step * block.stride)
             here = [path.rows(rows) for path in paths]
             density = noise_density(here, sensors, observer.transfer, step, hertz)

@@ -7,16 +7,25 @@ from flexviz.measurements.data import (
     FileHash,
     Fingerprint,
     Group,
-    MeasurementSet,
     Segment,
-    fingerprint,
-    require_unchanged,
 )
+from flexviz.measurements.group_reading import read_payloads, read_robot
+from flexviz.measurements.holds import HoldGroup, Holds, find_holds
+from flexviz.measurements.measurement_set import MeasurementSet, fingerprint, require_unchanged
 from flexviz.measurements.overview import SetOverview, overview
-from flexviz.measurements.reading import read_payloads, read_robot, read_set
-from flexviz.measurements.schema import FILE_NAME, SetHeader, Temperatures
+from flexviz.measurements.reading import read_set
+from flexviz.measurements.schema import (
+    FILE_NAME,
+    Clamped,
+    GroupKind,
+    SetHeader,
+    Temperatures,
+    TorqueSide,
+    check_clamped,
+)
 from flexviz.measurements.segments import POINTS, interpolate, pieces
 from flexviz.measurements.tables import readable, row_name
+from flexviz.measurements.torque_signals import TorqueRun, no_torque_text, silent_joints, silent_torques
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
 
@@ -27,21 +36,30 @@ __all__ = [
     "POINTS",
     "SUFFIXES",
     "Array",
+    "Clamped",
     "FileHash",
     "Fingerprint",
     "Group",
+    "GroupKind",
     "GroupTable",
+    "HoldGroup",
+    "Holds",
     "MeasurementSet",
     "SampledMotion",
     "Segment",
     "SetHeader",
     "SetOverview",
     "Temperatures",
+    "TorqueRun",
+    "TorqueSide",
     "bridge",
+    "check_clamped",
     "check_free",
+    "find_holds",
     "fingerprint",
     "interpolate",
     "likely_limits",
+    "no_torque_text",
     "overview",
     "pieces",
     "read_payloads",
@@ -51,6 +69,8 @@ __all__ = [
     "require_unchanged",
     "row_name",
     "sample_motion",
+    "silent_joints",
+    "silent_torques",
     "write_set",
     "wrong_time_unit",
 ]

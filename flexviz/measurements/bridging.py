@@ -112,13 +112,17 @@ def _predicted(time: Array, signals: Array, last: Indices, missing: int, gone: i
     before = -_stride(missing) * np.arange(NODES)[::-1]
     after = missing - gone + 1 + _stride(missing) * np.arange(NODES)
     rows = last[:, None] + np.concatenate([before, after])
-    nodes = time[rows]
-    weights = np.ones_like(nodes)
-    for i in range(2 * NODES):
-        for j in range(2 * NODES):
+    return np.einsum("mp,mpk->mk", lagrange_weights(time[rows], wanted), signals[rows])
+
+
+def lagrange_weights(nodes: Array, wanted: Array) -> Array:
+    """Weights (m, p) of the values at `nodes` (m, p) in the polynomials through them, at `wanted` (m,)."""
+    weights, count = np.ones_like(nodes), nodes.shape[1]
+    for i in range(count):
+        for j in range(count):
             if i != j:
                 weights[:, i] *= (wanted - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
-    return np.einsum("mp,mpk->mk", weights, signals[rows])
+    return weights
 
 
 def _fill(time: Array, signals: Array, last: int, missing: int) -> tuple[Array, Array]:

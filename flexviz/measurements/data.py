@@ -1,24 +1,23 @@
-"""A measurement set in memory: groups of uniformly sampled segments, and the hashes of its files."""
+"""What a measurement set is made of: groups of uniformly sampled segments, and the hashes of its files."""
 
 from __future__ import annotations
 
-import datetime as dt
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.errors import InputError, choose_from
 from flexviz.files import named_errors, sha256_of
 from flexviz.measurements.schema import FILE_NAME
 from flexviz.robot import PayloadBody, Robot, is_library_robot
 
 Array = NDArray[Any]  # float64 unless stated otherwise
+SPEED_SPAN = 0.02  # [s] over which speeds are averaged: short of a motion, long of the encoder's noise
 OPTIONAL_SIGNALS = ("q", "tau_joint", "theta_ref")  # for comparison only
 
 
@@ -40,6 +39,14 @@ class Segment:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def mean_speeds(self) -> Array:
+        """(N − 2h, n) [rad/s] over `SPEED_SPAN` about the samples from h on, h at least one."""
+        half = max(round(SPEED_SPAN / self.step / 2), 1)
+        half = min(half, (len(self) - 1) // 2)
+        speeds: Array = (self.theta[2 * half :] - self.theta[: -2 * half]) / (2 * half * self.step)
+        return speeds
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,106 +105,6 @@ class Group:
         return np.stack(columns, axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class MeasurementSet:
-    """A robot, its groups, and rough start values of its joints (n joints, in the set's order).
-
-    Attributes:
-        path: the set's folder.
-        name: its name (the folder's).
-        robot: the robot, reduced to `joints`.
-        joints: names of the n joints; the order of every list and column.
-        torque_hold: h [s]: a torque is sampled at the start of a hold of h, so τ(t − h/2) acts.
-        initial_stiffness: (n,) rough stiffness [Nm/rad], or None.
-        initial_motor_inertia: (n,) rough motor inertia at the joint side [kg m²], or None.
-        kp, kd: (n,) the controller's gains [Nm/rad], [Nm s/rad], or None.
-        effects: names of the effects the model starts with, on every joint.
-        payloads: name -> bodies.
-        groups: all groups, in the file's order.
-        simulated: True when a simulator wrote the set (and truth.json beside it).
-        warnings: oddities found while reading, one line each.
-        files_read: hashes of its files when they were read; None if it was not read from files.
-        date: of the recording, or None.
-    """
-
-    path: Path
-    name: str
-    robot: Robot
-    joints: tuple[str, ...]
-    torque_hold: float
-    initial_stiffness: Array | None
-    initial_motor_inertia: Array | None
-    kp: Array | None
-    kd: Array | None
-    effects: tuple[str, ...]
-    payloads: dict[str, tuple[PayloadBody, ...]]
-    groups: tuple[Group, ...]
-    simulated: bool = False
-    warnings: tuple[str, ...] = ()
-    files_read: Fingerprint | None = None
-    date: dt.datetime | dt.date | None = None
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.joints)
-
-    @cached_property
-    def torque_spread(self) -> tuple[float, ...]:
-        """Standard deviation of each joint's recorded torque over all groups [Nm]."""
-        torque = [segment.tau for group in self.groups for segment in group.segments]
-        return tuple(map(float, np.std(np.concatenate(torque), axis=0))) if torque else ()
-
-    @property
-    def fit_groups(self) -> tuple[Group, ...]:
-        """Groups that may be fitted."""
-        return tuple(group for group in self.groups if not group.validation)
-
-    @property
-    def validation_groups(self) -> tuple[Group, ...]:
-        """Groups that are never used for fitting."""
-        return tuple(group for group in self.groups if group.validation)
-
-    @property
-    def carried(self) -> tuple[str, ...]:
-        """Names of the payloads that are not empty."""
-        return tuple(name for name, bodies in self.payloads.items() if bodies)
-
-    def group(self, name: str) -> Group:
-        """The group called `name`; InputError listing the valid names when there is none."""
-        for group in self.groups:
-            if group.name == name:
-                return group
-        raise InputError(
-            f'group "{name}" does not exist; {choose_from(name, [g.name for g in self.groups])}',
-            file=self.path,
-        )
-
-    def select(self, names: Sequence[str] | None = None) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
-        """Groups to fit and groups to validate on.
-
-        `names` are the groups to fit (None: all that are not for validation). A group marked as validation is
-        always validated on, and asking to fit it is an error.
-        """
-        fit = self.fit_groups if names is None else tuple(dict.fromkeys(self.group(name) for name in names))
-        for group in fit:
-            if group.validation:
-                valid = choose_from(group.name, [g.name for g in self.fit_groups])
-                message = f'group "{group.name}" is for validation, never for fitting; {valid}'
-                raise InputError(message, file=self.path)
-        if not fit:
-            why = "every group is marked as validation" if names is None else "no group was named"
-            raise InputError(f"there is no group to fit: {why}, expected at least one", file=self.path)
-        return fit, self.validation_groups
-
-    def joint_index(self, joint: str) -> int:
-        """Position of `joint` in every list; InputError listing the valid names when it is not in the set."""
-        if joint not in self.joints:
-            message = f'joint "{joint}" is not in the set; {choose_from(joint, self.joints)}'
-            raise InputError(message, file=self.path)
-        return self.joints.index(joint)
-
-
 @dataclass(frozen=True)
 class FileHash:
     """One file of a set."""
@@ -225,13 +132,6 @@ class Fingerprint:
         return tuple(name for name in dict.fromkeys((*then, *now)) if then.get(name) != now.get(name))
 
 
-def fingerprint(measurements: MeasurementSet) -> Fingerprint:
-    """Hashes of a set's files when they were read, whatever has become of them since."""
-    if measurements.files_read is not None:
-        return measurements.files_read
-    return present_fingerprint(measurements.path, measurements.robot, [g.file for g in measurements.groups])
-
-
 def present_fingerprint(folder: Path, robot: Robot, tables: Iterable[Path]) -> Fingerprint:
     """Hashes of a set's present files; files unchanged since the last call are not read again."""
     return hash_files(folder, description_hash(folder, robot.source, robot.urdf), tables)
@@ -249,15 +149,6 @@ def hash_files(folder: Path, described: FileHash, tables: Iterable[Path]) -> Fin
     """Hashes of a set's files; `described` is that of its robot."""
     named = (_of(folder, table.relative_to(folder).as_posix()) for table in tables)
     return Fingerprint(tuple(dict.fromkeys((_of(folder, FILE_NAME), described, *named))))
-
-
-def require_unchanged(measurements: MeasurementSet) -> None:
-    """InputError if a file of the set has changed since it was read."""
-    tables = [group.file for group in measurements.groups]
-    now = present_fingerprint(measurements.path, measurements.robot, tables)
-    if changed := now.changes_since(fingerprint(measurements)):
-        message = f"{', '.join(changed)} changed since the set was read; open the set again"
-        raise InputError(message, file=measurements.path)
 
 
 def _of(folder: Path, name: str) -> FileHash:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from flexviz.errors import InputError, choose_from
+from flexviz.mounting import GRAVITY, gravity_problem
+from flexviz.resources import sessions_dir
 from flexviz.schemas import Number, StrictTable, Text, first_repeated, validate
 
 FILE_NAME = "measurements.toml"
 FORMAT = 1
+DEMO, DEMO_SET = "demo", "planar-2r-demo"  # what the bundled example is called, and its folder
 LONGEST_HOLD = 0.1  # [s] a longer hold of the torque can only be a wrong unit
 COLDEST, HOTTEST = -60.0, 250.0  # [°C] of a joint; anything beyond can only be a wrong unit
 
@@ -30,6 +34,19 @@ def recorded(value: Any) -> dt.datetime | dt.date | None:
 
 Recorded = Annotated[Any, AfterValidator(recorded)]
 """When the data were recorded: a `datetime`, a `date` or None."""
+
+
+def stated_gravity(value: Any) -> Any:
+    """Gravity as a set states it."""
+    if problem := gravity_problem(value):
+        raise PydanticCustomError("gravity", "{problem}", {"problem": problem})
+    return value
+
+
+Gravity = Annotated[list[float], BeforeValidator(stated_gravity)]
+"""(3,) [m/s²] in the base's frame."""
+TorqueSide = Literal["motor", "joint"]
+"""What τ is: the motors' torque, or one measured behind the gears by joint torque sensors."""
 
 Gain = Annotated[float, Field(ge=0.0, le=1e12)]
 Inertia = Annotated[float, Field(ge=-1e9, le=1e9)]  # [kg m²]
@@ -50,9 +67,26 @@ class Controller(StrictTable):
 
 
 class StartingModel(StrictTable):
-    """Effects the model starts with."""
+    """What the model of the robot starts with."""
 
-    effects: list[Text] = Field(default_factory=list)
+    effects: list[Text] = Field(default_factory=list)  # on every joint
+    rigid: list[Text] = Field(default_factory=list)  # joints without elasticity: q = θ
+    no_torque: list[Text] = Field(default_factory=list)  # joints whose τ is no signal: it is not fitted
+
+    def check_joints(self, joints: Sequence[str], file: Path) -> None:
+        """InputError for a joint that does not exist, and unless one joint has a torque."""
+        for key in ("rigid", "no_torque"):
+            names: list[str] = getattr(self, key)
+            for name in names:
+                if name not in joints:
+                    message = f'joint "{name}" is not in the set; {choose_from(name, joints)}'
+                    raise InputError(message, file=file, place=f"model.{key}")
+            if twice := first_repeated(names):
+                message = f'"{twice}" is listed twice, expected each joint once'
+                raise InputError(message, file=file, place=f"model.{key}")
+        if set(self.no_torque) >= set(joints):
+            message = "no joint has a torque, expected at least one whose torque is fitted"
+            raise InputError(message, file=file, place="model.no_torque")
 
 
 class Body(StrictTable):
@@ -70,6 +104,35 @@ class Payload(StrictTable):
     bodies: list[Body]
 
 
+GroupKind = Literal["motion", "holds"]
+"""What a group's table holds: a motion, or a static test."""
+Clamped = bool | list[Text]
+"""Whether the flange is clamped in a static test, or the joints before the link that is."""
+MOST_CLAMPED = 6  # joints that a clamp holds
+
+
+def clamped_joints(clamped: Clamped, joints: Sequence[str]) -> list[str]:
+    """The joints whose link cannot move."""
+    return clamped if isinstance(clamped, list) else list(joints) if clamped else []
+
+
+def check_clamped(kind: GroupKind, clamped: Clamped, joints: Sequence[str], file: Path, place: str) -> None:
+    """InputError for a clamp of a motion, of joints that do not exist, or of more than it holds."""
+    names = clamped_joints(clamped, joints)
+    problem = ""
+    if names and kind == "motion":
+        problem = 'a clamped arm does not move, expected kind = "holds"'
+    elif unknown := next((name for name in names if name not in joints), None):
+        problem = f'joint "{unknown}" is not in the set; {choose_from(unknown, joints)}'
+    elif len(names) > MOST_CLAMPED:
+        problem = (
+            f"a clamp holds {MOST_CLAMPED} joints at most, found {len(names)}: clamp a link nearer the base "
+            "and list the joints before it"
+        )
+    if problem:
+        raise InputError(problem, file=file, place=f"{place}, clamped")
+
+
 class GroupEntry(StrictTable):
     """One trajectory run with one payload, in one file."""
 
@@ -79,6 +142,8 @@ class GroupEntry(StrictTable):
     file: Text
     validation: bool = False
     temperature: Temperatures | None = None
+    kind: GroupKind = "motion"
+    clamped: Clamped = False
 
 
 class SetHeader(StrictTable):
@@ -86,7 +151,9 @@ class SetHeader(StrictTable):
 
     format: int
     robot: Text
+    gravity: Gravity = Field(default_factory=lambda: list(GRAVITY))
     torque_hold: Annotated[float, Field(ge=0.0, le=LONGEST_HOLD)] = 0.0  # [s]
+    torque: TorqueSide | None = None  # None: the data decide
     date: Recorded = None
     initial: Initial = Initial()
     controller: Controller | None = None
@@ -124,8 +191,10 @@ class MeasurementFile(SetHeader):
 
 
 def locate(path: str | Path) -> Path:
-    """The `measurements.toml` that `path` (a set's folder, or the file itself) stands for."""
+    """The `measurements.toml` that `path` (a set's folder, the file itself, or "demo") stands for."""
     file = Path(path)
+    if str(path) == DEMO and not file.exists():
+        file = sessions_dir() / DEMO_SET
     try:
         file = file / FILE_NAME if file.is_dir() else file
         found = file.is_file()
@@ -148,10 +217,12 @@ def parse(data: dict[str, Any], file: Path) -> MeasurementFile:
     """Check the content of a `measurements.toml`; `file` is what errors call it."""
     content = validate(MeasurementFile, data, file, FORMAT)
     content.check_lengths(len(content.joints), file)
+    content.model.check_joints(content.joints, file)
     check_names(content, file)
     for index, group in enumerate(content.groups):
         place = f'group {index + 1} "{group.name}"'
         content.check_temperature(group.temperature, len(content.joints), file, place)
+        check_clamped(group.kind, group.clamped, content.joints, file, place)
     return content
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from flexviz.arrays import Indices
 from flexviz.errors import InputError
-from flexviz.measurements.bridging import GAP, Bridged, bridge
+from flexviz.measurements.bridging import GAP, Bridged, bridge, lagrange_weights
 from flexviz.measurements.data import Array, Segment
 from flexviz.measurements.tables import row_name
 
@@ -197,10 +197,4 @@ def stencil(time: Array, wanted: Array) -> tuple[Indices, Array]:
     """Index of the first of six samples around each of `wanted` (m,), and their Lagrange weights (m, 6)."""
     first = np.searchsorted(time, wanted, side="right") - POINTS // 2
     first = np.clip(first, 0, len(time) - POINTS)
-    nodes = time[first[:, None] + POSITIONS]
-    weights = np.ones_like(nodes)
-    for i in range(POINTS):
-        for j in range(POINTS):
-            if i != j:
-                weights[:, i] *= (wanted - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
-    return first, weights
+    return first, lagrange_weights(time[first[:, None] + POSITIONS], wanted)

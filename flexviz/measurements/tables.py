@@ -1,6 +1,6 @@
 """Read the wanted columns of a CSV or Parquet table straight into one array.
 
-The table streams through in blocks: the array is the only full copy of the data that ever exists.
+A file streams through in blocks: the array is the only full copy of the data that ever exists.
 """
 
 from __future__ import annotations
@@ -8,9 +8,10 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -24,7 +25,40 @@ if TYPE_CHECKING:
 
 CSV_BLOCK = 1 << 20  # [bytes]
 PARQUET_ROWS = 1 << 16  # rows a block
+SUFFIXES = (".csv", ".parquet", ".pq")
 LARGEST = 1e30  # no quantity in SI units is larger
+
+
+class Table(Protocol):
+    """The table of one group, in a file or in memory."""
+
+    @property
+    def file(self) -> Path:
+        """What errors call it."""
+        ...
+
+    @property
+    def names(self) -> list[str]:
+        """Names of its columns."""
+        ...
+
+    def read(self, names: Sequence[str]) -> Array:
+        """The columns `names`, checked to be finite numbers: (N, len(names)), each column contiguous."""
+        ...
+
+
+@dataclass(frozen=True)
+class FileTable:
+    """A table in a CSV or Parquet file."""
+
+    file: Path
+
+    @property
+    def names(self) -> list[str]:
+        return column_names(self.file)
+
+    def read(self, names: Sequence[str]) -> Array:
+        return read_columns(self.file, names)
 
 
 def column_names(file: Path) -> list[str]:
@@ -104,22 +138,29 @@ def fill(target: Array, column: pa.Array, name: str, offset: int, file: Path) ->
         empty = column.is_null().to_numpy(zero_copy_only=False)
         refuse(int(np.argmax(empty)), "the cell is empty, expected a number")
     target[:] = column.to_numpy(zero_copy_only=False)
-    usable = np.abs(target) < LARGEST  # False for NaN
+    require_finite(target, name, file, offset)
+
+
+def require_finite(column: Array, name: str, file: Path, offset: int = 0) -> None:
+    """InputError for NaN, infinity and impossible sizes in a column (M,), which begins at row `offset`."""
+    usable = np.abs(column) < LARGEST  # False for NaN
     if not usable.all():
         bad = int(np.argmin(usable))
-        expected = "a number in SI units" if np.isfinite(target[bad]) else "a finite number"
-        refuse(bad, f"found {target[bad]:g}, expected {expected}")
+        expected = "a number in SI units" if np.isfinite(column[bad]) else "a finite number"
+        message = f"found {column[bad]:g}, expected {expected}"
+        raise InputError(message, file=file, place=f"row {row_name(file, bad + offset)}, column {name}")
 
 
 def row_name(file: Path, row: int) -> str:
-    """A data row (counted from 0) as messages call it: from 1, and for CSV also the line of the file."""
-    return f"{row + 1}" if is_parquet(file) else f"{row + 1} (line {row + 2})"
+    """A data row (counted from 0) as messages call it: from 1, with a CSV's line, an array's index."""
+    also = {".csv": f" (line {row + 2})", "": f" (index {row})"}
+    return f"{row + 1}{also.get(file.suffix.lower(), '')}"
 
 
 def is_parquet(file: Path) -> bool:
     """Whether a table is Parquet (else it is CSV), by its suffix."""
     suffix = file.suffix.lower()
-    if suffix not in (".csv", ".parquet", ".pq"):
+    if suffix not in SUFFIXES:
         raise InputError(f"a table called *{suffix} is not known, expected *.csv or *.parquet", file=file)
     return suffix != ".csv"
 

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from flexviz import toml
 from flexviz.errors import InputError
 from flexviz.files import named_errors, whole_folder
+from flexviz.measurements import tables
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group
-from flexviz.measurements.schema import FILE_NAME, FORMAT, parse
+from flexviz.measurements.schema import FILE_NAME, Clamped, GroupKind, parse
+from flexviz.measurements.set_document import SetProperties, numbers, set_document
+from flexviz.robot import PayloadBody
 from flexviz.schemas import first_repeated
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-    from flexviz.robot import PayloadBody
 
 SUFFIXES = {"parquet": ".parquet", "csv": ".csv"}
 
@@ -43,6 +43,8 @@ class GroupTable:
     validation: bool = False
     temperature: Sequence[float] | Array | None = None  # (n,) or (1,) [°C]
     file: str | None = None  # name of its table; None: `<name>.parquet` or `.csv`
+    kind: GroupKind = "motion"
+    clamped: Clamped = False  # of a static test
 
     @staticmethod
     def of(group: Group) -> GroupTable:
@@ -53,7 +55,8 @@ class GroupTable:
         signals |= {name: group.at(name, signals["time"]) for name in OPTIONAL_SIGNALS}
         names = group.name, group.trajectory, group.payload
         signals |= {"validation": group.validation, "temperature": group.temperature}
-        return GroupTable(*names, file=group.file.name, **signals)
+        file = group.file.name if group.file.suffix.lower() in tables.SUFFIXES else None  # None: of arrays
+        return GroupTable(*names, file=file, **signals)
 
 
 def write_set(
@@ -63,17 +66,11 @@ def write_set(
     joints: Sequence[str],
     groups: Sequence[GroupTable],
     payloads: Mapping[str, Sequence[PayloadBody]],
-    torque_hold: float = 0.0,
-    initial_stiffness: Sequence[float] | Array | None = None,
-    initial_motor_inertia: Sequence[float] | Array | None = None,
-    kp: Sequence[float] | Array | None = None,
-    kd: Sequence[float] | Array | None = None,
-    effects: Sequence[str] = (),
     files: Mapping[str, str | bytes | Path] | None = None,
     table_format: str = "parquet",
     single: bool = False,
     overwrite: bool = False,
-    date: dt.datetime | dt.date | None = None,
+    **properties: Unpack[SetProperties],
 ) -> Path:
     """Write a measurement set that `read_set` gives back exactly, and return its folder.
 
@@ -82,30 +79,16 @@ def write_set(
     Args:
         robot: as in the format; a URDF's path is relative to `folder`, and the URDF is one of `files`.
         files: further files of the set: name -> text, bytes, or the path of a file to copy.
-        table_format: "parquet" or "csv".
-        single: store the signals (never the time) as float32.
-        overwrite: replace an existing set; any other folder or file is never touched.
-        date: of the recording.
+        table_format, single: "parquet" or "csv"; store the signals (never the time) as float32.
+        overwrite: replace an existing set, never any other folder or file.
+        properties: as in the format: see `SetProperties`.
     """
     folder = Path(os.path.abspath(folder))  # without ".."
     check_free(folder, overwrite)
     if table_format not in SUFFIXES:
         raise InputError(f'table format "{table_format}" is not known, expected csv or parquet')
-    optional = {
-        "initial": numbers(stiffness=initial_stiffness, motor_inertia=initial_motor_inertia),
-        "controller": numbers(kp=kp, kd=kd),
-    }
-    document = {
-        "format": FORMAT,
-        "robot": robot,
-        "joints": list(joints),
-        "torque_hold": float(torque_hold),
-        **({} if date is None else {"date": date}),
-        **{name: lists for name, lists in optional.items() if lists},
-        "model": {"effects": list(effects)},
-        "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
-        "groups": [group_entry(group, table_format) for group in groups],
-    }
+    entries = [group_entry(group, table_format) for group in groups]
+    document = set_document(robot, joints, payloads, entries, **properties)
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
     with named_errors(folder), whole_folder(folder) as new:
         fill_folder(new, document, groups, files or {}, single)
@@ -118,6 +101,7 @@ def group_entry(group: GroupTable, table_format: str) -> dict[str, Any]:
         {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
         | {"file": group.file or group.name + SUFFIXES[table_format]}
         | ({"validation": True} if group.validation else {})
+        | ({} if group.kind == "motion" else {"kind": group.kind, "clamped": group.clamped})
         | numbers(temperature=group.temperature)
     )
 
@@ -154,16 +138,6 @@ def check_free(folder: Path, overwrite: bool = False) -> None:
         raise InputError("the folder is not empty, expected a new or empty folder", file=folder)
     if not overwrite:
         raise InputError("a measurement set is already there, expected a new or empty folder", file=folder)
-
-
-def numbers(**lists: Sequence[float] | Array | None) -> dict[str, list[float]]:
-    """The lists that are given, as plain numbers."""
-    return {key: [float(x) for x in value] for key, value in lists.items() if value is not None}
-
-
-def body_entry(body: PayloadBody) -> dict[str, Any]:
-    """A payload's body, as in the format."""
-    return {"link": body.link, "mass": float(body.mass), **numbers(com=body.com, inertia=body.inertia)}
 
 
 def table_of(group: GroupTable, joints: Sequence[str], single: bool) -> pa.Table:

@@ -13,7 +13,7 @@ from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet, row_name
 from flexviz.noise.group_noise import GroupNoise, group_noise
 from flexviz.noise.thresholds import THRESHOLDS
-from flexviz.results import Note
+from flexviz.records import Note
 from flexviz.robot import Robot
 from flexviz.wording import noise_text, number
 

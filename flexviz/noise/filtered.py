@@ -2,7 +2,7 @@
 
 Sensor noise is white up to half the sampling rate, whatever the robot does. Behind a low-pass it falls with
 the frequency, at least as behind one of first order, or below what any sensor resolves. A position falls
-without a filter, too, where the encoder shows the motor's own vibration: there it counts only beside the
+without a filter, too, where the encoder shows the motor's own vibration: there it counts only with the
 torques.
 """
 

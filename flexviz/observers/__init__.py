@@ -6,6 +6,7 @@ from flexviz.errors import InputError
 from flexviz.observers.base import Observer, ObserverStates, largest_divisor
 from flexviz.observers.eso import CausalEso, EqualDelayEso
 from flexviz.observers.gains import EsoGains, binomial_gains, eso_poles, why_unusable
+from flexviz.observers.live import LiveObserver
 from flexviz.observers.poles import (
     LARGEST_MULTIPLIER,
     LEAST_MULTIPLIER,
@@ -31,6 +32,7 @@ __all__ = [
     "EsoGains",
     "EsoZeroPhase",
     "FlatZeroPhase",
+    "LiveObserver",
     "Observer",
     "ObserverStates",
     "binomial_gains",

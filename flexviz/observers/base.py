@@ -11,6 +11,7 @@ from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
 from flexviz.measurements import Segment
 from flexviz.observers.gains import EsoGains
+from flexviz.observers.live import LiveObserver
 
 THETA_DERIVATIVES = 5  # θ … θ⁗
 TAU_DERIVATIVES = 3  # τ, τ̇, τ̈
@@ -39,10 +40,14 @@ class ObserverStates:
 class Observer(ABC):
     """A linear time-invariant filter with transfer functions y → x̂_k, k = 0 … 4.
 
+    The equation needs θ to its fourth derivative and τ to its second: x̂_k = s^k F(s) y with a low-pass F. If
+    F is the same for all k and signals, a linear equation still holds for the filtered signals; what remains
+    are errors of products where F is not 1 over the motion, and noise that grows as ω^k.
+
     Attributes:
         bandwidth: one number for all joints or one per joint [rad/s].
         zero_phase: whether its derivatives have no lag.
-        has_disturbance_state: whether it estimates a disturbance beside the derivatives.
+        has_disturbance_state: whether it estimates a disturbance in addition to the derivatives.
         gains: those set by hand, at the (first joint's) bandwidth; only the extended-state observer has such.
     """
 
@@ -117,6 +122,16 @@ class Observer(ABC):
             shape (count, ceil(N / stride), n).
         """
 
+    def live(self, step: float) -> LiveObserver:
+        """The observer fed with one sample every `step` [s]; for τ, `self.torque.live(step)`.
+
+        Raises:
+            InputError: for a zero-phase observer, which needs later samples.
+        """
+        raise InputError(
+            f'"{self.name}" needs later samples, expected a causal observer: eso, eso-equal-delay'
+        )
+
     @abstractmethod
     def settling(self) -> tuple[float, float]:
         """Time [s] after the start and before the end of a segment within which the states are transients."""
@@ -150,7 +165,7 @@ class Observer(ABC):
         """Standard deviation of each θ derivative per unit of white measurement noise, shape (5,) [1/s^k]."""
         omega = np.linspace(0.0, np.pi / step, 8193)
         gains = [np.abs(self.transfer(omega, k)) ** 2 for k in range(THETA_DERIVATIVES)]
-        return np.sqrt([np.trapezoid(g, omega) * step / np.pi for g in gains])
+        return np.sqrt([(g.sum() - (g[0] + g[-1]) / 2) / (len(omega) - 1) for g in gains])  # trapezoids
 
 
 def shifted(y: Array, step: float, delay: float) -> Array:

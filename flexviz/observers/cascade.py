@@ -28,10 +28,8 @@ def cascade(y: Array, step: float, bandwidth: float, stride: int = 1) -> Array:
     `step` is that of y [s], `bandwidth` w [rad/s]. Before the first sample y is taken as constant.
     """
     x = bandwidth * step
-    number = np.arange(1, ORDER + 1)
-    constant = sp.special.gammainc(number, x)
-    ramp = constant - number / x * sp.special.gammainc(number + 1, x)
-    response = _response(constant - ramp, ramp, _transition(x), stride)
+    one, before, after = one_step(x)
+    response = _response(before, after, one, stride)
     transition = _transition(stride * x)[:, 0]
     pole = transition[0]
 
@@ -51,6 +49,14 @@ def cascade(y: Array, step: float, bandwidth: float, stride: int = 1) -> Array:
         z[i, :, 0] = rows[:, 0]
         z[i, :, 1:] = sp.signal.lfilter([1.0], [1.0, -pole], drive, axis=-1, zi=pole * rows[:, :1])[0]
     return z.transpose(0, 2, 1)
+
+
+def one_step(x: float) -> tuple[Array, Array, Array]:
+    """A (6, 6), b₀ and b₁ (6,) of z ← A z + b₀ y_k + b₁ y_{k+1}, one sample later with wh = x."""
+    number = np.arange(1, ORDER + 1)
+    constant = sp.special.gammainc(number, x)
+    ramp = constant - number / x * sp.special.gammainc(number + 1, x)
+    return _transition(x), constant - ramp, ramp
 
 
 def _transition(x: float) -> Array:

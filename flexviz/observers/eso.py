@@ -16,8 +16,9 @@ from numpy.polynomial import polynomial
 from flexviz.arrays import Array
 from flexviz.measurements import Segment
 from flexviz.observers.base import Observer, ObserverStates, shifted
-from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
+from flexviz.observers.cascade import ORDER, cascade, combine, evaluate, one_step
 from flexviz.observers.gains import EsoGains, StateFilter
+from flexviz.observers.live import LiveObserver, LiveStep
 
 # an error in the initial state fades as (wt)⁵e^(−wt)/5!, and the k-th derivative starts with w^k of it
 SETTLED = 25.0
@@ -79,6 +80,13 @@ class _PoleObserver(Observer):
         scaled = self.coefficients[orders.start : orders.stop] * (w ** np.array(orders))[:, None]
         return combine(cascade(y, step, w, stride), scaled)
 
+    def live(self, step: float) -> LiveObserver:
+        return LiveObserver([self._one_step(step, w) for w in self._bandwidth.tolist()])
+
+    def _one_step(self, step: float, w: float) -> LiveStep:
+        scaled = self.coefficients * (w ** np.arange(ORDER))[:, None]
+        return LiveStep(*one_step(w * step), scaled)
+
     def derivatives(
         self, y: Array, step: float, count: int, *,
         position: bool = False, delay: float = 0.0, stride: int = 1,
@@ -88,8 +96,10 @@ class _PoleObserver(Observer):
 
 
 class CausalEso(_PoleObserver):
-    """The paper's observer. Its states lag differently, which makes equation (6) inconsistent with itself.
+    """The paper's observer: a chain of integrators corrected by the innovation, x̂̇_i = x̂_{i+1} + β_i (y − x̂₁).
 
+    It is causal, so that it can run in a controller. Each state lags by a different time: one equation then
+    mixes different instants, which biases stiffness and motor inertia at any bandwidth.
     With gains set by hand the bandwidth, where given, scales them: every pole moves along its ray.
     """
 
@@ -135,6 +145,12 @@ class CausalEso(_PoleObserver):
             return super()._filtered(y, step, w, orders, stride)
         return self._filter.states(y, step, w, orders)[:, ::stride]
 
+    def _one_step(self, step: float, w: float) -> LiveStep:
+        if self._filter is None:
+            return super()._one_step(step, w)
+        moved, before, after, _, orthogonal = self._filter.one_step(step, w)
+        return LiveStep(moved, before, after, orthogonal * (w ** np.arange(ORDER))[:, None])
+
     def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
         states = self._states(segment.theta, segment.step, range(ORDER))
         tau = self.derivatives(segment.tau, segment.step, 3, delay=torque_hold / 2)
@@ -142,7 +158,11 @@ class CausalEso(_PoleObserver):
 
 
 class EqualDelayEso(_PoleObserver):
-    """F = (w/(s+w))⁶ on both θ and τ, derivatives sᵏF: equal delay of all signals, droop 3(ω/w)²."""
+    """F = (w/(s+w))⁶ on both θ and τ, derivatives sᵏF.
+
+    All signals have the same delay 6/w, so that the equation stays consistent; the gain droops by 3(ω/w)²
+    over the motion, which biases the parameters where w is not far above the motion's frequencies.
+    """
 
     name = "eso-equal-delay"
     title = "Extended-state observer with equal delay"

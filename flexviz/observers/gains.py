@@ -118,8 +118,11 @@ class StateFilter:
         poles = eso_poles(shape)
         self.decay = float(-poles.real.max())  # of the slowest pole, in units of the bandwidth
 
-    def states(self, y: Array, step: float, bandwidth: float, orders: range) -> Array:
-        """x̂_{k+1} for k in `orders`, shape (len(orders), N, m), of y (N, m), constant before it begins."""
+    def one_step(self, step: float, bandwidth: float) -> tuple[Array, Array, Array, Array, Array]:
+        """A (6, 6), b₀ and b₁ (6,) of z ← A z + b₀ y_k + b₁ y_{k+1}, and the Schur form T, Q (6, 6).
+
+        z = Qᵀx with x in units of the bandwidth: x̂_{k+1} = w^k x_k.
+        """
         if bandwidth * step > LARGEST_STEP:
             found = f"gains set by hand for {bandwidth:g} rad/s, with a sample every {step:g} s"
             raise InputError(f"{found}: expected at most {LARGEST_STEP / step:g} rad/s")
@@ -131,18 +134,23 @@ class StateFilter:
         held[:ORDER, :ORDER] = bandwidth * step * triangular
         held[:ORDER, ORDER] = bandwidth * step * orthogonal.T @ self.shape
         held[ORDER, ORDER + 1] = 1.0
-        moved = sp.linalg.expm(held)  # over one step
+        moved = sp.linalg.expm(held)
+        constant, ramp = moved[:ORDER, ORDER], moved[:ORDER, ORDER + 1]
+        return moved[:ORDER, :ORDER], constant - ramp, ramp, triangular, orthogonal
 
+    def states(self, y: Array, step: float, bandwidth: float, orders: range) -> Array:
+        """x̂_{k+1} for k in `orders`, shape (len(orders), N, m), of y (N, m), constant before it begins."""
+        moved, before, after, triangular, orthogonal = self.one_step(step, bandwidth)
         rows = np.ascontiguousarray((y - y[0]).T)  # (m, N): at rest in the beginning, time along memory
         z = np.zeros((ORDER, *rows.shape))
         flat, end = z.reshape(ORDER, -1), ORDER
         while end:
             pair = end > 1 and triangular[end - 1, end - 2] != 0.0
             block = slice(end - 2 if pair else end - 1, end)
-            f, constant, ramp = moved[block, block], moved[block, ORDER], moved[block, ORDER + 1]
-            into = (moved[block, end:ORDER] @ flat[end:]).reshape(-1, *rows.shape)
-            into += (constant - ramp)[:, None, None] * rows
-            into[:, :, :-1] += ramp[:, None, None] * rows[:, 1:]
+            f = moved[block, block]
+            into = (moved[block, end:] @ flat[end:]).reshape(-1, *rows.shape)
+            into += before[block, None, None] * rows
+            into[:, :, :-1] += after[block, None, None] * rows[:, 1:]
             if pair:  # (λ − F)⁻¹ by the adjugate
                 later = np.array([[-f[1, 1], f[0, 1]], [f[1, 0], -f[0, 0]]]) @ into.reshape(2, -1)
                 into[:, :, 1:] += later.reshape(into.shape)[:, :, :-1]

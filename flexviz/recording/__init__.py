@@ -1,8 +1,13 @@
 """Recordings for the Rerun viewer: write, check, repair, compare, open. Only this package imports rerun."""
 
+from flexviz.errors import require_extra
+
+require_extra("rerun", "a recording")
+
 from flexviz.recording.comparing import compare_recordings, merge_recordings
 from flexviz.recording.files import repair_recording
 from flexviz.recording.live import LiveRecording
+from flexviz.recording.notebook import notebook_viewer
 from flexviz.recording.reading import Recorded, Recording, TruncatedRecording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
 from flexviz.recording.writing import RecordingFile, ending_tidily, record_session, record_set, recording_file
@@ -18,6 +23,7 @@ __all__ = [
     "ending_tidily",
     "has_display",
     "merge_recordings",
+    "notebook_viewer",
     "read_recording",
     "record_session",
     "record_set",

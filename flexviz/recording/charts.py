@@ -8,12 +8,13 @@ import numpy as np
 import rerun as rr
 
 from flexviz.charts import COLOURS, Chart
-from flexviz.diagnosis import Finding, ResidualMap, Step
+from flexviz.diagnosis import Finding, Step
 from flexviz.laws import LawThroughData
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.pictures import charts_picture, map_picture
 from flexviz.recording.signals import send_line
 from flexviz.recording.stream import Stream
+from flexviz.records import ResidualMap
 from flexviz.view import MAP_COLUMNS, law_chart, map_charts, map_of
 from flexviz.wording import effect_text_name, finding_name
 

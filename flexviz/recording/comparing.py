@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.chunk import Chunk, RrdReader
+from rerun.chunk import Chunk, RrdReader, Selector
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.files import named_errors
@@ -22,10 +23,11 @@ from flexviz.recording.files import hidden
 from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
-from flexviz.results import ObserverEntry
+from flexviz.records import ObserverEntry
 from flexviz.wording import as_markdown, markdown_table, number, total_rms
 
 SCALARS = "Scalars:scalars"
+FRAMES = ("Transform3D:child_frame", "Transform3D:parent_frame", "CoordinateFrame:frame")
 NOTABLE_DEVIATIONS = 3.0  # [standard errors] larger differences are rarely chance, even among 100 parameters
 Views = list[rrb.Container | rrb.View]
 
@@ -97,7 +99,7 @@ def _facts(recording: Recording) -> dict[str, str]:
     """Title -> text of the newest result."""
     result = recording.result
     observer = result.get("observer")
-    entry = None if observer is None else ObserverEntry.model_validate(observer)
+    entry = None if observer is None else ObserverEntry(**observer)
     return {
         "set": recording.set_name,
         "model": result.get("label") or "–",
@@ -155,15 +157,24 @@ def merge_recordings(found: RecordingComparison, out: Path) -> None:
             sink.flush()
             for side, recording in found.sides:
                 chunks = RrdReader(str(recording.file)).stream().drop(content="/__properties/**")
-                stream.send_chunks(chunks.map(partial(_under, f"/{side}")))
+                stream.send_chunks(chunks.map(partial(_under, side)))
             sink.close()
             os.replace(part, out)
         finally:
             part.unlink(missing_ok=True)
 
 
-def _under(prefix: str, chunk: Chunk) -> Chunk:
-    return chunk.with_entity_path(prefix + chunk.entity_path)
+def _under(side: str, chunk: Chunk) -> Chunk:
+    """The chunk below /`side`; its named frames, the same in both recordings, are prefixed likewise."""
+    columns = chunk.to_record_batch().schema.names
+    for frame in FRAMES:
+        if frame in columns:
+            chunk = chunk.apply_selector(frame, Selector(".").pipe(partial(_prefixed, f"{side}/")))
+    return chunk.with_entity_path(f"/{side}{chunk.entity_path}")
+
+
+def _prefixed(prefix: str, names: pa.Array) -> pa.Array:
+    return pa.array([prefix + name for name in names.to_pylist()])
 
 
 def _largest_residuals(recording: Recording) -> dict[str, float]:

@@ -52,7 +52,7 @@ def blueprint(
     if diagnoses or (solves and solves[-1].residuals):
         rows.append(_where_it_fails(measurements, solves, diagnoses))
     if solves:
-        rows.append(_convergence(solves[-1].number))
+        rows.append(_convergence(solves[-1]))
     if not rows:
         rows.append(rrb.Tabs(*(_measured(group) for group in groups), name="Measured"))
     shares = [1.4 if row.name == "States" and len(rows) > 2 else 1.0 for row in rows]
@@ -211,15 +211,19 @@ def _evidence(diagnosis: Diagnosis, number: int) -> list[rrb.TimeSeriesView]:
     return views
 
 
-def _convergence(result: int) -> rrb.Container:
+def _convergence(solve: Solve) -> rrb.Container:
     """Cost, step and parameters of the newest result, and a table by iteration."""
-    origin = path("results", result, "optimiser")
+    origin = path("results", solve.number, "optimiser")
     table = rrb.DataframeView(
         origin=origin,
         contents=["$origin/cost", "$origin/step", "$origin/parameters/**"],
         name="Table by iteration",
         query=rrb.archetypes.DataframeQuery(timeline=ITERATION),
     )
+    whole = None  # while it runs, the view follows it
+    if solve.result is not None:
+        ends = (rrb.TimeRangeBoundary.absolute(seconds=at) for at in (0.0, solve.seconds))
+        whole = rrb.TimeAxis(view_range=rrb.TimeRange(*ends))
     return rrb.Tabs(
         rrb.Vertical(
             rrb.Horizontal(
@@ -231,10 +235,10 @@ def _convergence(result: int) -> rrb.Container:
                     ["$origin/relative", "$origin/interval"],
                     legend=False,
                 ),
-                name=f"Convergence of result {result} (time: s since the start)",
+                name=f"Convergence of result {solve.number} (time: s since the start)",
             ),
-            rrb.StateTimelineView(origin=f"{origin}/stage", name="Stages"),
-            row_shares=[4, 1],
+            rrb.StateTimelineView(origin=f"{origin}/stage", name="Stages", time_view=whole, titlebar=False),
+            row_shares=[3, 2],
             name="Convergence",
         ),
         table,

@@ -26,8 +26,9 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec
 
 from flexviz.errors import FlexvizError, InputError, one_line
+from flexviz.iteration import Iteration
 from flexviz.measurements import MeasurementSet
-from flexviz.progress import Iteration, Progress
+from flexviz.progress import Progress
 from flexviz.recording.files import Target
 from flexviz.recording.reading import Recorded
 from flexviz.recording.recorder import MAX_SAMPLES, Recorder

@@ -10,7 +10,7 @@ import rerun as rr
 
 from flexviz.charts import rgb
 from flexviz.identification import Identification
-from flexviz.progress import Iteration
+from flexviz.iteration import Iteration
 from flexviz.recording.paths import ITERATION, TIME, estimate_path, parameter_path, path
 from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
@@ -48,6 +48,11 @@ class Solve:
     def residuals(self) -> Collection[str]:
         """Groups with a residual."""
         return () if self.result is None else self.result.residuals
+
+    @property
+    def seconds(self) -> float:
+        """From the start to the last iteration [s]."""
+        return self._seconds[-1] if self._seconds else 0.0
 
     def add(self, iteration: Iteration, seconds: float | None = None) -> None:
         """Add an iteration, `seconds` [s] after the start (None: now); `flush` sends it."""
@@ -88,6 +93,11 @@ class Solve:
         for place, iteration in enumerate(rest, 1):
             self.add(iteration, begun + (result.seconds - begun) * place / len(rest))
         self.flush()
+        stages = list(dict.fromkeys(iteration.stage for iteration in self._iterations))
+        if stages:  # Rerun's own colours end in red, as if the last stage had failed
+            colours = [rgb(series_colour(place)) for place in range(len(stages))]
+            lanes = rr.StateConfiguration(values=stages, colors=colours)
+            self._stream.log(path("results", self.number, "optimiser", "stage"), lanes, static=True)
         names = parameter_names(self._iterations)
         if not names:
             return

@@ -5,6 +5,7 @@
     /groups/<group>/about                             text: the group, how its model was simulated
     /groups/<group>/measured/<signal>/<joint>         as recorded: theta, tau, and q, tau_joint, theta_ref
     /groups/<group>/robots/<robot>/<body>             "measured" and "identified" in 3D; the newest result's
+    /groups/<group>/robots/<robot>/joints/<joint>     where its child link's frame is in its parent link's
     /observers/<observer>/<group>/<state>/<joint>     theta_0 … theta_4, tau_0 … tau_2, disturbance
     /observers/<observer>/<group>/transients/<state>/<joint>   the same during start-up and end transients
     /results/<number>/about                           text: parameters, errors
@@ -22,6 +23,8 @@
     /results/<number>/map, curves/<joint>                 pictures: where this model fails
     /diagnoses/<number>/map, curves/<joint>               the same of a diagnosis' final model
     /diagnoses/<number>/evidence/<rank>/<group>/residual, signature
+
+Every link of a robot is a named frame, <robot>/<group>/<link>; in merged recordings they begin with A/ or B/.
 
 Groups are on the timeline `time` (each group's own time), the optimiser is on `iteration` and, so that its
 views are never empty, also on `time` [s] since its start. Results and diagnoses count from 1.

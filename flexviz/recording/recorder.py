@@ -11,11 +11,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexviz import __version__
-from flexviz.diagnosis import Diagnosis, ResidualMap, Step
+from flexviz.diagnosis import Diagnosis, Step
 from flexviz.identification import Identification
+from flexviz.iteration import Iteration
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
-from flexviz.progress import Iteration
 from flexviz.recording import signals, texts
 from flexviz.recording.charts import (
     MAX_EVIDENCE,
@@ -32,6 +32,7 @@ from flexviz.recording.reading import Recorded
 from flexviz.recording.scene import RobotScene
 from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
+from flexviz.records import ResidualMap
 from flexviz.scene import RobotMotion, with_replay
 from flexviz.simulation import Run
 from flexviz.view import free_chart, staircase_chart

@@ -1,4 +1,4 @@
-"""Both robots in 3D: their shapes once, their motion as columns of transforms."""
+"""Both robots in 3D: their shapes once, in named frames, which their joints move."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.mounting import upright
+from flexviz.recording.frames import RobotFrames
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, RobotShape, measured_motion, payload_place, robot_shape
@@ -98,30 +100,37 @@ class RobotScene:
         """The robot "measured" or "identified" in a group, moved by its motor angles (N, n) [rad]."""
         if theta is None:
             return
-        robot, shape, stage = self._measurements.robot, self.shape, self.stage
-        poses, place = [robot.link_poses(row) for row in theta], list(ROBOT_COLOURS).index(name)
+        robot, stage, place = self._measurements.robot, self.stage, list(ROBOT_COLOURS).index(name)
         where, colour = partial(path, "groups", group.name, "robots", name), rgb(ROBOT_COLOURS[name])
+        frames = RobotFrames(robot, f"{name}/{group.name}/")
+        base, turn = rr.CoordinateFrame(frames.base), upright(robot.gravity)  # the base as it is mounted
+        poses = [robot.link_poses(row) for row in theta]
         if (group.name, name) not in self._drawn:
             self._drawn.add((group.name, name))
-            self._stream.log(where(), rr.Transform3D(translation=stage.offsets[place]), static=True)
-            self._send_shapes(group, where, colour, poses[0])
+            turned = rr.Quaternion(xyzw=Rotation.from_matrix(turn).as_quat())
+            offset = stage.offsets[place]
+            stand = rr.Transform3D(translation=offset, quaternion=turned, child_frame=frames.base)
+            self._stream.log(where(), stand, static=True)
+            frames.send_locked(self._stream, where("joints"))
+            self._send_shapes(group, where, frames, colour, poses[0])
         index = rr.TimeColumn(TIME, duration=self.motion(group).time)
-        for body in shape.bodies:
-            if body.joint is not None:
-                frames = np.array([pose[body.link] for pose in poses])
-                columns = rr.Transform3D.columns(
-                    translation=frames[:, :3, 3], quaternion=quaternions(frames[:, :3, :3])
-                )
-                self._stream.send_columns(where(body.link), [index], columns)
-        trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[colour])
-        self._stream.log(where("trail"), trail, static=True)
-        above = rr.Points3D([[0.0, 0.0, stage.tops[place]]], labels=[label], radii=[0.0], colors=[colour])
-        self._stream.log(where("label"), above, static=True)
+        frames.send_motion(self._stream, where("joints"), index, theta)
+        tip = np.array([pose[self.shape.tip][:3, 3] for pose in poses])
+        trail = rr.LineStrips3D([tip @ turn], colors=[colour])
+        self._stream.log(where("trail"), trail, base, static=True)
+        top = np.array([[0.0, 0.0, stage.tops[place]]])
+        above = rr.Points3D(top @ turn, labels=[label], radii=[0.0], colors=[colour])
+        self._stream.log(where("label"), above, base, static=True)
 
     def _send_shapes(
-        self, group: Group, where: Callable[..., str], colour: tuple[int, int, int], pose: dict[str, Array]
+        self,
+        group: Group,
+        where: Callable[..., str],
+        frames: RobotFrames,
+        colour: tuple[int, int, int],
+        pose: dict[str, Array],
     ) -> None:
-        """The constant parts: meshes, base pose, payload; `pose` holds the link poses at any instant."""
+        """Meshes and payload; `pose` holds the link poses at any instant."""
         bodies = self.shape.bodies
         for body in bodies:
             mesh = rr.Mesh3D(
@@ -130,11 +139,7 @@ class RobotScene:
                 vertex_normals=trimesh.Trimesh(body.vertices, body.faces, process=False).vertex_normals,
                 albedo_factor=(*colour, 255),
             )
-            self._stream.log(where(body.link), mesh, static=True)
-            if body.joint is None:
-                frame = pose[body.link]
-                fixed = rr.Transform3D(translation=frame[:3, 3], mat3x3=frame[:3, :3])
-                self._stream.log(where(body.link), fixed, static=True)
+            self._stream.log(where(body.link), mesh, rr.CoordinateFrame(frames.of(body.link)), static=True)
         for number, payload in enumerate(group.bodies):
             carried = payload_place(self._measurements.robot, self.shape, payload, pose)
             if carried is None:
@@ -146,12 +151,6 @@ class RobotScene:
                 labels=[f"{payload.mass:g} kg"],
                 show_labels=False,
             )
-            self._stream.log(where(bodies[carried[0]].link, f"payload {number + 1}"), ball, static=True)
-
-
-def quaternions(rotations: Array) -> Array:
-    """Quaternions (M, 4) x y z w of rotation matrices (M, 3, 3), without sign jumps."""
-    found = Rotation.from_matrix(rotations).as_quat()
-    signs = np.where(np.sum(found[1:] * found[:-1], axis=1) < 0.0, -1.0, 1.0)
-    found[1:] *= np.cumprod(signs)[:, None]
-    return found
+            link = bodies[carried[0]].link
+            frame = rr.CoordinateFrame(frames.of(link))
+            self._stream.log(where(link, f"payload {number + 1}"), ball, frame, static=True)

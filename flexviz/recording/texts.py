@@ -9,6 +9,7 @@ import numpy as np
 from flexviz.diagnosis import Diagnosis
 from flexviz.identification import Identification
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.mounting import mounting_text
 from flexviz.recording.optimiser import Solve
 from flexviz.results import markdown
 from flexviz.scene import RobotMotion
@@ -35,6 +36,7 @@ def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses:
         lines += [SIMULATED, ""]
     lines += [
         f"- robot: {as_markdown(measurements.robot.name)}, {measurements.n} joints",
+        *([f"- mounting: {mounted}"] if (mounted := mounting_text(measurements.robot.gravity)) else []),
         f"- groups: {', '.join(as_markdown(group_title(group)) for group in measurements.groups)}",
         "- 3D: both robots by their motor angles θ; the identified one is simulated",
         "",
@@ -74,7 +76,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     places = [place for place in diagnosis.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
     if places:
         lines += ["## Where the final model fails", ""]
-    groups = [name for name, *_ in diagnosis.steps[-1].groups] if diagnosis.steps else []
+    groups = [group.name for group in diagnosis.steps[-1].groups] if diagnosis.steps else []
     for place in places:
         share, unit = share_text(place.explained), units.get((place.joint, place.variable), "")
         span = as_markdown(span_text(place, unit, groups))

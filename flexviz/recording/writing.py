@@ -179,7 +179,7 @@ def record_session(
         newest = steps[-1].analysis.identification
         recorder.observe(chosen_observer(newest), file.part(0.15, 0.35))
         recorder.session(
-            observer=steps[-1].analysis.observer,
+            observer=steps[-1].analysis.fit.observer,
             effects=list(steps[-1].analysis.effects),
             steps=[step.label for step in steps],
             notes=[note.text for note in session.notes],

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from flexviz.acceptance import AcceptanceLimits
 from flexviz.diagnosis import Diagnosis, Finding, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
-from flexviz.identification import Identification, ParameterEstimate
+from flexviz.identification import Identification
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.model import FlexibleModel
+from flexviz.records import ParameterEstimate
 from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
 from flexviz.wording import MergedFinding, found_shares, merged_findings, merged_texts, step_shares, text_runs
 
@@ -44,6 +46,7 @@ class ReportContent:
         diagnosis, identification: of the present model; None if missing or out of date.
         changed: files of the set that have changed since the results were computed.
         identified: errors of the identification; empty with a diagnosis or without an identification.
+        limits: those that the result is to keep, if there are any.
     """
 
     measurements: MeasurementSet
@@ -55,6 +58,7 @@ class ReportContent:
     identification: Identification | None
     changed: tuple[str, ...] = ()
     identified: tuple[PredictionErrors, ...] = ()
+    limits: AcceptanceLimits | None = None
 
     @property
     def analysis(self) -> Analysis:
@@ -164,7 +168,11 @@ def shown_time(when: str) -> str:
 
 
 def gather(
-    session: Session, measurements: MeasurementSet, folder: Path | None = None, changed: tuple[str, ...] = ()
+    session: Session,
+    measurements: MeasurementSet,
+    folder: Path | None = None,
+    changed: tuple[str, ...] = (),
+    limits: AcceptanceLimits | None = None,
 ) -> ReportContent:
     """The report's content from a session."""
     analysis = session.analysis
@@ -181,6 +189,7 @@ def gather(
         analysis.identification if fitted else None,
         changed,
         () if errors is None else (errors,),
+        limits,
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flexviz.charts import COLOURS, PAGE, Chart, SvgTheme, css, draw_svg, rgb
 from flexviz.report import blocks
-from flexviz.wording import escape
+from flexviz.wording import escape, with_terms
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 DARK_SHADE = 0.9  # cells darker than this get white text
@@ -29,7 +29,8 @@ def html(document: blocks.ReportDocument) -> str:
     style = Path(__file__).with_name("style.css").read_text(encoding="utf-8").partition("\n")[2]
     tags = "".join(f'<span class="tag">{escape(tag)}</span>' for tag in document.tags)
     figures = count(1)
-    body = "".join(_section(section, 2, figures) for section in document.sections)
+    # keys on a page without scripts: terms can be reached, once in each section
+    body = "".join(with_terms(_section(section, 2, figures), focus=True) for section in document.sections)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'

@@ -7,14 +7,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flexviz import __version__
+from flexviz.acceptance import AcceptanceLimits
 from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.files import as_json
 from flexviz.measurements import MeasurementSet
+from flexviz.mounting import mounting_text
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.report.blocks import ReportDocument, Section
 from flexviz.report.content import ReportContent, gather, shown_time
 from flexviz.report.html import html
 from flexviz.report.markdown import markdown
+from flexviz.report.sections.acceptance import acceptance, accepted
 from flexviz.report.sections.effects import effects, next_experiments, telling_apart, why
 from flexviz.report.sections.errors import group_rows, staircase, where
 from flexviz.report.sections.parameters import guard, parameters
@@ -25,7 +28,7 @@ from flexviz.session import Session, now
 from flexviz.wording import plural
 
 SECTIONS: tuple[Callable[[ReportContent], Section | None], ...] = (
-    summary, staircase, torque, effects, why, parameters, where, telling_apart, guard, reproduce,
+    summary, acceptance, staircase, torque, effects, why, parameters, where, telling_apart, guard, reproduce,
 )  # fmt: skip
 KINDS = ("html", "md", "json")
 FORMAT = 1  # of the JSON
@@ -38,6 +41,7 @@ def session_report(
     *,
     folder: Path | None = None,
     changed: tuple[str, ...] = (),
+    limits: AcceptanceLimits | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> str:
@@ -49,6 +53,7 @@ def session_report(
         kind: "html" (self-contained), "md" or "json".
         folder: of the saved session, for the command that repeats the report.
         changed: files of the set that have changed since the results were computed (`OpenedSession.changed`).
+        limits: of `read_limits`, for a section that says whether the result keeps them.
         progress, should_stop: see `flexviz.progress`.
 
     Raises:
@@ -57,7 +62,7 @@ def session_report(
     """
     if kind not in KINDS:
         raise InputError(f'a report cannot be written as "{kind}"; {choose_from(kind, KINDS)}')
-    content = gather(session, measurements, folder, changed)
+    content = gather(session, measurements, folder, changed, limits)
     when = now()
     if kind == "json":
         return as_numbers(content, when)
@@ -80,10 +85,11 @@ def compose(
         progress(Progress("writing the report", number / len(SECTIONS)))
         section = make(content)
         sections += [] if section is None else [section]
+    mounted = mounting_text(measurements.robot.gravity)
     seconds = sum(group.duration for group in measurements.groups)
     return ReportDocument(
         f"What was found about {measurements.name}",
-        f"{measurements.robot.name}, {plural(measurements.n, 'joint')}; "
+        f"{measurements.robot.name}, {plural(measurements.n, 'joint')}{f', {mounted}' if mounted else ''}; "
         f"{plural(len(measurements.groups), 'group')}, {seconds:.0f} s recorded; report of {when}",
         ["simulated data"] if measurements.simulated else [],
         sections,
@@ -114,10 +120,10 @@ def as_numbers(content: ReportContent, when: str) -> str:
             "joints": content.joints,
             "roles": dict(analysis.roles),
             "effects": analysis.effects,
-            "observer": analysis.observer,
-            "bandwidth": analysis.bandwidth,
-            **({"gains": asdict(analysis.gains)} if analysis.gains else {}),
-            "refine": analysis.refine,
+            "observer": analysis.fit.observer,
+            "bandwidth": analysis.fit.bandwidth,
+            **({"gains": asdict(analysis.fit.gains)} if analysis.fit.gains else {}),
+            "refine": analysis.fit.refine,
         },
         "staircase": [
             {
@@ -139,6 +145,7 @@ def as_numbers(content: ReportContent, when: str) -> str:
         ],
         "diagnosis": diagnosis,
         "identification": None if content.identification is None else content.identification.to_dict(),
+        "acceptance": None if (judged := accepted(content)) is None else judged.to_dict(),
         "guard": None if diagnosis is None else diagnosis["guard"],
         "next_experiments": next_experiments(content, content.found),
         "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in content.session.steps],

@@ -1,50 +1,52 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
-from flexviz.results.assessment import assessment, hints, lacks_effects
-from flexviz.results.bandwidth import BandwidthCheck, ParameterCurve
-from flexviz.results.base import Grade, Note, NoteKind, Verdict
-from flexviz.results.curves import FreeCurve, ResidualLocation, ResidualMap, curve_tables
-from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
-from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ValueEntry
-from flexviz.results.findings import Absorbed, Family, Tie
+from flexviz.results.assessment import assessment, at_bounds, hints, lacks_effects, torque_side
+from flexviz.results.bandwidth import BandwidthCheck, GuardEntry, ParameterCurve
+from flexviz.results.charts import evidence_chart, noise_floor, staircase_chart
+from flexviz.results.document import (
+    ResultDocument,
+    curve_entries,
+    json_schema,
+    note_entries,
+    read_result,
+    shared_fields,
+)
+from flexviz.results.fields import DiagnosisFields, FitFields
+from flexviz.results.frame import DataFrame, parameter_frame
+from flexviz.results.link_side import LinkSide
 from flexviz.results.lookup import ParameterNotFound, find_parameter
 from flexviz.results.summary import WIDE, markdown, parts, run_lines
 from flexviz.results.tables import interval, plain_table
-from flexviz.results.trace import Move
 
 __all__ = [
     "WIDE",
-    "Absorbed",
     "BandwidthCheck",
-    "CandidateEntry",
-    "EffectEntry",
-    "Family",
-    "FreeCurve",
-    "Grade",
-    "Move",
-    "Note",
-    "NoteKind",
-    "ObserverEntry",
+    "DataFrame",
+    "DiagnosisFields",
+    "FitFields",
+    "GuardEntry",
+    "LinkSide",
     "ParameterCurve",
     "ParameterNotFound",
-    "ResidualLocation",
-    "ResidualMap",
     "ResultDocument",
-    "Tie",
-    "ValueEntry",
-    "Verdict",
     "assessment",
+    "at_bounds",
     "curve_entries",
-    "curve_tables",
+    "evidence_chart",
     "find_parameter",
     "hints",
     "interval",
     "json_schema",
     "lacks_effects",
     "markdown",
+    "noise_floor",
     "note_entries",
+    "parameter_frame",
     "parts",
     "plain_table",
     "read_result",
     "run_lines",
+    "shared_fields",
+    "staircase_chart",
+    "torque_side",
 ]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from flexviz.results.entries import ParameterEntry, ResidualEntry, ResultFields
-from flexviz.wording import ParameterLike, listed, noise_text, normalised, percent, plain_name, plural
+from flexviz.measurements import TorqueSide
+from flexviz.records import ParameterEstimate, ResidualSummary
+from flexviz.results.fields import ResultFields
+from flexviz.wording import listed, noise_text, normalised, number, percent, plain_name, plural
 
 GOOD_SHARE = 0.1  # error or noise of a joint up to which it is good, relative to the spread of its torque
 FAR_FROM_NOISE = 3.0  # times the noise, from which the model lacks something ...
@@ -19,12 +21,17 @@ BY_DESIGN = ("stiffness", "motor_inertia")  # beside those of effects, parameter
 
 BEHIND_THE_GEAR = (
     "The motor inertias end at their lower bound: this torque was probably measured behind the gear (a joint "
-    "torque sensor) or computed by the controller. Import it as tau_joint, and the motor's torque or current "
-    "as tau; without that, stiffness and motor inertia mean nothing here."
+    'torque sensor) or computed by the controller. If so, state torque = "joint" in measurements.toml; '
+    "without that, stiffness and motor inertia mean nothing here."
+)
+JOINT_TORQUE = (
+    "The torque is that of joint torque sensors, behind the gears: it shows neither motor inertia nor motor "
+    'friction, so the model has neither. If it is the motors\' torque, state torque = "motor" in '
+    "measurements.toml."
 )
 NOT_REFINED = (
-    "The intervals cover measurement noise only, not the observer's bias, which may be larger. Refining "
-    "removes the bias (--refine; Refine in the app)."
+    "The intervals cover noise and missing effects, not the observer's bias, which may be larger. Refining "
+    "removes the bias (without --quick; Refine in the app)."
 )
 GRADED = {
     "stiffness": "stiffness",
@@ -41,7 +48,7 @@ def assessment(result: ResultFields) -> str:
     return " ".join(sentences)
 
 
-def _errors(residual: ResidualEntry) -> list[str]:
+def _errors(residual: ResidualSummary) -> list[str]:
     error = residual.rms_validation or residual.rms
     shares = dict(zip(residual.joints, _shares(residual, error), strict=True))
     noise = dict(zip(residual.joints, residual.noise_share, strict=False))
@@ -69,7 +76,7 @@ def _errors(residual: ResidualEntry) -> list[str]:
     return out
 
 
-def _shares(residual: ResidualEntry, error: Sequence[float]) -> list[float]:
+def _shares(residual: ResidualSummary, error: Sequence[float]) -> list[float]:
     """Errors relative to the torque; NaN where its spread is not known."""
     return normalised(error, residual.torque_spread or [math.nan] * len(error))
 
@@ -84,7 +91,7 @@ def _grades(result: ResultFields) -> list[str]:
     return [f"Determined: {listed([*parts, f'inertial combinations {combinations}'])}."]
 
 
-def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
+def _advice(result: ResultFields, residual: ResidualSummary) -> list[str]:
     out = hints(result.all_parameters)
     if BEHIND_THE_GEAR in out:
         return out
@@ -92,13 +99,13 @@ def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
     out += [lacking] if lacking else []
     if not lacking and (reversals := only_reversals(result)):
         out.append(reversals)
-    if not lacking and not result.refined:
+    if not result.refined and result.iterations:
         out.append(NOT_REFINED)
     record = []
     if not residual.rms_validation:
         record.append("another motion as a held-out group (validation = true)")
     elastic = [*_named(result, "stiffness"), *_named(result, "motor_inertia")]
-    undetermined = {p.joint for p in elastic if p.identifiable == "no"}
+    undetermined = {p.joint for p in elastic if p.identifiable in ("no", "weak")}
     joints = [joint for joint in residual.joints if joint in undetermined]
     if joints:
         which = "all joints" if len(joints) == len(residual.joints) else listed(joints)
@@ -132,7 +139,7 @@ def only_reversals(result: ResultFields) -> str:
     )
 
 
-def _far(residual: ResidualEntry, rms: Sequence[float]) -> list[float]:
+def _far(residual: ResidualSummary, rms: Sequence[float]) -> list[float]:
     """Errors in multiples of the noise, of the joints whose error is not that of the sensors."""
     rows = zip(rms, residual.noise_floor, _shares(residual, rms), strict=True)
     return [
@@ -142,13 +149,35 @@ def _far(residual: ResidualEntry, rms: Sequence[float]) -> list[float]:
     ]
 
 
-def hints(parameters: Iterable[ParameterLike]) -> list[str]:
-    """What values at their bounds say about the data, of an identification or a diagnosis."""
+def hints(parameters: Iterable[ParameterEstimate]) -> list[str]:
+    """What the parameters say about the data, of an identification or a diagnosis."""
+    parameters = list(parameters)
+    told = [JOINT_TORQUE] if torque_side(parameters) == "joint" else []
+    return [*told, *rigid_within(parameters), *at_bounds(parameters)]
+
+
+def rigid_within(parameters: Iterable[ParameterEstimate]) -> list[str]:
+    """Joints whose stiffness the data do not tell from infinity, each with what it is above."""
+    found = {p.joint: p.rigid_above for p in parameters if p.joint and p.rigid_above is not None}
+    if not found:
+        return []
+    above = listed([f"{joint} (K above {number(value, 2)} Nm/rad)" for joint, value in found.items()])
+    names = ", ".join(f'"{joint}"' for joint in found)
+    which = "it has" if len(found) == 1 else "they have"
+    return [
+        f"Rigid within what this motion shows, at 95 %: {above}. If {which} no elastic gear, state "
+        f"rigid = [{names}] in [model] of measurements.toml: a soft spring may resemble other effects."
+    ]
+
+
+def at_bounds(parameters: Iterable[ParameterEstimate]) -> list[str]:
+    """What values at their bounds say about the data; none without such values."""
     parameters = list(parameters)
     inertias = [p for p in parameters if p.name == "motor_inertia"]
     if inertias and sum(map(_without_motor, inertias)) >= NO_MOTOR * len(inertias):
         return [BEHIND_THE_GEAR]
     held = [p for p in parameters if p.at_bound and (p.name in BY_DESIGN or "." in p.name)]
+    held = [p for p in held if p.rigid_above is None]  # told already
     if not held:
         return []
     names = [plain_name(p.name) + (f" of {p.joint}" if p.joint else "") for p in held]
@@ -156,15 +185,19 @@ def hints(parameters: Iterable[ParameterLike]) -> list[str]:
     return [f"At the bound of what is possible: {listed(names)}; {what} no estimate."]
 
 
-def _without_motor(inertia: ParameterLike) -> bool:
+def torque_side(parameters: Iterable[ParameterEstimate]) -> TorqueSide:
+    """What the torque of a fit is: that of the motors, or, without motor inertias, that behind the gears."""
+    names = {p.name for p in parameters}
+    return "joint" if "link_viscous_friction" in names and "motor_inertia" not in names else "motor"
+
+
+def _without_motor(inertia: ParameterEstimate) -> bool:
     """Whether a motor inertia ended at its lower bound."""
-    if inertia.start is None:
-        return False
     lowest = inertia.value <= AT_LOWEST * inertia.start
     return lowest or (inertia.at_bound and inertia.value < inertia.start)
 
 
-def _named(result: ResultFields, name: str) -> Sequence[ParameterEntry]:
+def _named(result: ResultFields, name: str) -> Sequence[ParameterEstimate]:
     return [p for p in result.all_parameters if p.name == name]
 
 

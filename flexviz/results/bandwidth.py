@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from flexviz.results.base import RECORD, Column, Flags, Real, ResultEntry, Rows, TupleEntry
+from flexviz.fields import RECORD, Column, Flags, Real, Rows
 
 
 @dataclass(frozen=True, eq=False, config=RECORD)
@@ -85,7 +82,8 @@ class BandwidthCheck:
         return (*joints, *parameters)
 
 
-class GuardJointEntry(TupleEntry):
+@dataclass(frozen=True, eq=False, config=RECORD)
+class GuardJointEntry:
     """What moves with the bandwidth at one joint [Nm], one number per bandwidth."""
 
     joint: str
@@ -95,29 +93,25 @@ class GuardJointEntry(TupleEntry):
     observer_error: bool
 
 
-class GuardEntry(ResultEntry):
-    """What moves with the observer's bandwidth [rad/s]."""
+@dataclass(frozen=True, eq=False, config=RECORD)
+class GuardEntry:
+    """What moves with the observer's bandwidth [rad/s], joint by joint."""
 
     observer: str
     bandwidths: Column
     in_use: int
-    joints: list[GuardJointEntry]
-    parameters: list[ParameterCurve]
-    texts: list[str]
+    joints: tuple[GuardJointEntry, ...]
+    parameters: tuple[ParameterCurve, ...]
+    texts: tuple[str, ...]
 
-    @model_validator(mode="before")
-    @classmethod
-    def _by_joint(cls, data: Any) -> Any:
-        if not isinstance(data, BandwidthCheck):  # of a file
-            return data
-        noise = np.zeros_like(data.change.T)  # of `change`: below `band`, all bands are flat
-        columns = (data.rms.T, data.change.T, noise, data.observer_error.tolist())
-        rows = zip(data.joints, *columns, strict=True)  # the fields of a GuardJointEntry
-        return {
-            "observer": data.observer,
-            "bandwidths": data.bandwidths,
-            "in_use": data.in_use,
-            "joints": list(rows),
-            "parameters": data.parameters,
-            "texts": data.texts(),
-        }
+    @staticmethod
+    def of(check: BandwidthCheck) -> GuardEntry:
+        """The entry of a bandwidth check."""
+        noise = np.zeros(len(check.bandwidths))  # of `change`: below `band`, all bands are flat
+        joints = tuple(
+            GuardJointEntry(name, check.rms[:, j], check.change[:, j], noise, bool(check.observer_error[j]))
+            for j, name in enumerate(check.joints)
+        )
+        return GuardEntry(
+            check.observer, check.bandwidths, check.in_use, joints, check.parameters, check.texts()
+        )

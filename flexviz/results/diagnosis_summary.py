@@ -10,16 +10,10 @@ from rich.table import Table
 from flexviz import wording
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
+from flexviz.records import CandidateEffect, EffectEntry, FoundEffect, StepEntry
 from flexviz.results.assessment import hints
-from flexviz.results.entries import (
-    AddedEntry,
-    CandidateEntry,
-    EffectEntry,
-    PlaceEntry,
-    ResultFields,
-    StepEntry,
-)
-from flexviz.results.tables import fold, in_ascii, plain_table
+from flexviz.results.fields import ResultFields
+from flexviz.results.tables import fold, in_ascii, interval, plain_table
 
 SHOWN_ABSORBED = 4  # parameters
 TRACE_LINES = 6  # of what was tried
@@ -53,6 +47,14 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
         curved = {effect.joint for effect in result.all_effects if free_curve(effect.effect) is not None}
         left = "no effect explains" if place.joint in curved else "is left"
         out.append(f"what {left} on {place.joint} follows {place.variable}, mostly {span}")
+    motor = {p.joint: p for p in result.all_parameters if p.name == "stiffness"}
+    for entry in result.link_side:
+        value, half = interval(motor[entry.joint].value, motor[entry.joint].std)
+        mark = motor[entry.joint].identifiable
+        out.append(
+            f"stiffness of {entry.joint}: by the motor side {value} ± {half} Nm/rad ({mark}); "
+            f"by its link encoder {entry.text}"
+        )
     skipped = {note.text for note in result.typed_notes if spread and note.kind in wording.SAID_AS_SHARES}
     skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason
     out += [f"note: {note}" for note in result.notes if note not in skipped]
@@ -70,7 +72,7 @@ def joints_of(result: ResultFields) -> tuple[str, ...]:
 def added_lines(result: ResultFields) -> Iterator[str]:
     """Effects of the last model that are not among the candidates: these stand beside the set's own model."""
 
-    def key(one: PlaceEntry | EffectEntry) -> tuple[str | None, ...]:
+    def key(one: FoundEffect | EffectEntry) -> tuple[str | None, ...]:
         return one.effect, one.joint, one.group, one.payload
 
     listed = {(key(candidate), candidate.confidence) for candidate in result.candidates}
@@ -87,13 +89,13 @@ def added_lines(result: ResultFields) -> Iterator[str]:
             found = f": {values(last[key(added)])}" if key(added) in last else ""
             share = shares.get(wording.finding_key(added))
             less = f"; removes {wording.share_text(share)} of the error" if share is not None else ""
-            sure = f"; confidence {wording.confidence_of(added):.2f}" if added.confidence is not None else ""
+            sure = f"; confidence {wording.confidence_of(added):.2f}" if not added.stopgap else ""
             form = in_ascii(forms.get((added.effect, added.joint), ""))
             yield f"then added: {named(added)} on {place_text(added)}{found}{less}{sure}{form}"
 
 
 def candidate_lines(
-    rank: int, merged: wording.MergedFinding[CandidateEntry], joints: Sequence[str]
+    rank: int, merged: wording.MergedFinding[CandidateEffect], joints: Sequence[str]
 ) -> Iterator[str]:
     """A candidate with its place and values; of several joints, one value per joint."""
     first, *others = merged.members
@@ -125,7 +127,7 @@ def candidate_lines(
         yield f"     {member.joint}: {values(member)}" + (f"; not told apart from {twins}" if twins else "")
 
 
-def named(one: CandidateEntry | AddedEntry) -> str:
+def named(one: FoundEffect) -> str:
     """The effect by its name on the command line, after the family that it stands for."""
     family = wording.tied_family(one)
     if family is None:
@@ -133,13 +135,13 @@ def named(one: CandidateEntry | AddedEntry) -> str:
     return f"{wording.family_title(family.name)} ({wording.UNTOLD}; here {one.effect})"
 
 
-def place_text(one: PlaceEntry) -> str:
+def place_text(one: FoundEffect) -> str:
     """The joint, payload or whole robot, and the group of an episode."""
     place = one.joint or one.payload or "the whole robot"
     return f"{place} in group {one.group}" if one.group else place
 
 
-def values(candidate: CandidateEntry | EffectEntry) -> str:
+def values(candidate: CandidateEffect | EffectEntry) -> str:
     """ "coulomb 3.000 ± 0.012 Nm"; of a free curve its range and its extremes."""
     if free_curve(candidate.effect) is not None:
         return in_ascii(wording.curve_text(list(candidate.parameters.values())))
@@ -154,7 +156,7 @@ def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
     moves = wording.told_moves(result.trace, joints, wording.added_families(result))
     accepted, refused = ([m.line for m in moves if m.accepted == made] for made in (True, False))
     tried = result.decoys
-    decoys = [] if tried is None else [wording.decoys_text(tried.accepted, tried.tried)]
+    decoys = [] if tried is None else [wording.decoys_text(tried)]
     room = TRACE_LINES - 1 - len(decoys)
     room_refused = min(len(refused), max(room // 2, room - len(accepted)))
     shown = room - room_refused

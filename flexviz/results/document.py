@@ -9,32 +9,32 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from flexviz.errors import InputError
-from flexviz.results.base import Note
-from flexviz.results.curves import curve_tables
-from flexviz.results.entries import ParameterEntry, ResultFields
+from flexviz.records import Note, ParameterEstimate, curve_tables
+from flexviz.results.fields import EveryResult, ResultFields
+from flexviz.results.frame import DataFrame, parameter_frame
 from flexviz.results.lookup import find_parameter
 from flexviz.results.summary import html, text
 from flexviz.schemas import input_error
-from flexviz.wording import ParameterLike
 
 LARGEST_BYTES = 50_000_000
 SUFFIXES = (".json", ".yaml", ".yml")
 
 
-class ResultDocument(ResultFields):
+class ResultDocument(ResultFields, frozen=True):
     """A result: of an identification, a diagnosis or an export.
 
     A diagnosis has `verdict`, `candidates`, `where`, `steps` and `model`; an identification has `parameters`
     and what belongs to one fit. What a result does not have is left out.
     """
 
-    def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEntry:
+    def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter by name and place: `document["stiffness", "joint1"]`."""
         return find_parameter(self.all_parameters, key)
 
@@ -44,6 +44,10 @@ class ResultDocument(ResultFields):
 
     def _repr_html_(self) -> str:
         return html(self)
+
+    def to_frame(self) -> DataFrame:
+        """The parameters as a table of pandas; MissingPackage if that is not installed."""
+        return parameter_frame(self.all_parameters)
 
     def to_dict(self) -> dict[str, Any]:
         """The document as JSON holds it."""
@@ -59,13 +63,18 @@ class ResultDocument(ResultFields):
         return ResultDocument.model_validate_json(text, strict=True)
 
 
+def shared_fields(result: EveryResult, kind: type[EveryResult]) -> dict[str, Any]:
+    """What a document has of a result under the same name: the fields of `kind`."""
+    return {field.name: getattr(result, field.name) for field in fields(kind)}
+
+
 def note_entries(notes: Iterable[Note]) -> dict[str, Any]:
     """Both forms of a document's notes."""
     notes = list(notes)
     return {"notes": [note.text for note in notes], "typed_notes": notes}
 
 
-def curve_entries(parameters: Iterable[ParameterLike]) -> dict[str, Any]:
+def curve_entries(parameters: Iterable[ParameterEstimate]) -> dict[str, Any]:
     """A document's tables of the free curves in a model, if it has any."""
     tables = curve_tables(parameters)
     return {"curves": tables} if tables else {}
@@ -74,6 +83,7 @@ def curve_entries(parameters: Iterable[ParameterLike]) -> dict[str, Any]:
 def json_schema() -> str:
     """The text of docs/results-schema.json."""
     schema = ResultDocument.model_json_schema(mode="serialization")
+    schema = json.loads(json.dumps(schema), parse_constant=lambda _: None)  # a default of NaN is null
     return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=1) + "\n"
 
 

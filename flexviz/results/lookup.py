@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 from flexviz.errors import FlexvizError, choose_from
-from flexviz.wording import ParameterLike
+from flexviz.records import ParameterEstimate
 
 
 class ParameterNotFound(FlexvizError, KeyError):
@@ -15,7 +15,7 @@ class ParameterNotFound(FlexvizError, KeyError):
     exit_code = 2
 
 
-P = TypeVar("P", bound=ParameterLike)
+P = TypeVar("P", bound=ParameterEstimate)
 
 
 def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -> P:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterable
 
 from rich.console import Console
 from rich.table import Table
 
 from flexviz.effects import free_curve
+from flexviz.records import Combination, CurveTable, ParameterEstimate, ResidualSummary
 from flexviz.results.assessment import assessment
-from flexviz.results.curves import CurveTable
 from flexviz.results.diagnosis_summary import diagnosis_parts
-from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
+from flexviz.results.fields import ResultFields
+from flexviz.results.link_side import LinkSide
 from flexviz.results.tables import fold, in_ascii, interval, plain_table
 from flexviz.wording import as_markdown, effect_title, escape, markdown_table, normalised, number
 
@@ -65,7 +67,7 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
         return diagnosis_parts(result, width)
     wide = width >= WIDE
     shown = [p for p in result.all_parameters if free_curve(p.name) is None]
-    out: list[Table | str] = [parameter_table(shown, ties=wide)]
+    out: list[Table | str] = [parameter_table(shown, ties=wide, link_side=result.link_side)]
     out += [] if wide else tied_lines(shown)
     out += [part for curve in result.curves for part in curve_parts(curve)]
     out.append(combination_table(result.base_parameters))
@@ -84,17 +86,25 @@ def run_lines(result: ResultFields) -> list[str]:
         )
     held_out = f"; validated on {', '.join(result.validation_groups)}" if result.validation_groups else ""
     lines.append(f"fitted on {', '.join(result.groups or ())}{held_out}")
-    if result.condition_number is not None:
+    if math.isfinite(result.condition_number):
         lines.append(f"condition number {result.condition_number:.3g}")
     return lines
 
 
-def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) -> Table:
-    """One row per parameter; with `ties` also the parameters it is tied to."""
+def parameter_table(
+    parameters: Iterable[ParameterEstimate], *, ties: bool = True, link_side: Iterable[LinkSide] = ()
+) -> Table:
+    """One row per parameter; with `ties` also the parameters it is tied to.
+
+    `link_side`: what link encoders show of the stiffness, in a column of its own.
+    """
+    encoders = {entry.joint: entry.text for entry in link_side}
     table = plain_table(
         "parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable")
     )
     fold(table, 1)
+    if encoders:
+        table.add_column("by link encoder", overflow="fold")
     if ties:
         table.add_column("tied to", overflow="fold")
     for p in parameters:
@@ -105,13 +115,14 @@ def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) 
             *interval(p.value, p.std),
             p.unit,
             p.identifiable + (", at bound" if p.at_bound else ""),
+            *([encoders.get(p.joint or "", "") if p.name == "stiffness" else ""] if encoders else []),
             *([", ".join(p.tied_to)] if ties else []),
             style="" if p.identifiable == "yes" else "dim",
         )
     return table
 
 
-def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
+def tied_lines(parameters: Iterable[ParameterEstimate]) -> list[str]:
     """Ties between parameters as lines of text, for a narrow terminal."""
     tied = [p for p in parameters if p.tied_to]
     return [f"{p.name}{f':{p.joint}' if p.joint else ''} is tied to {', '.join(p.tied_to)}" for p in tied]
@@ -131,7 +142,7 @@ def curve_parts(curve: CurveTable) -> tuple[str, Table]:
     return title, table
 
 
-def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
+def combination_table(combinations: Iterable[Combination]) -> Table:
     """Identifiable combinations of inertial parameters."""
     table = plain_table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
     fold(table, 0)
@@ -141,7 +152,7 @@ def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
     return table
 
 
-def residual_table(residual: ResidualEntry) -> Table:
+def residual_table(residual: ResidualSummary) -> Table:
     """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
     table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
     fold(table, 0)

@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
-from flexviz.identification import Identification, ParameterEstimate
+from flexviz.identification import Identification
 from flexviz.measurements import fingerprint
+from flexviz.records import ParameterEstimate
 from flexviz.session.loading import OpenedSession
 
 Source = Literal["identification", "diagnosis", ""]

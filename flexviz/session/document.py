@@ -14,7 +14,7 @@ from flexviz.limits import read_json
 from flexviz.measurements import FILE_NAME, FileHash, Fingerprint, MeasurementSet, fingerprint
 
 SESSION_FILE = "session.json"
-FORMAT = 4
+FORMAT = 5
 OLD_ARRAYS = "session.npz"  # of format 1
 HERE = "."
 
@@ -54,8 +54,14 @@ def migrated(document: Any, folder: Path) -> Document:
             f"written in format {found} by flexviz {document.get('flexviz', 'of a later version')}; "
             f"this one reads up to format {FORMAT}"
         )
-    while document["format"] < FORMAT:
-        document = MIGRATIONS[document["format"]](document, folder)
+    while (found := document["format"]) < FORMAT:
+        try:
+            document = MIGRATIONS[found](document, folder)
+        except InputError:
+            raise
+        except (AttributeError, LookupError, TypeError, ValueError) as error:  # entries of another kind
+            message = f"not what format {found} holds ({type(error).__name__}: {error})"
+            raise InputError(message) from None
     return document
 
 
@@ -97,10 +103,67 @@ def typed_note(text: str) -> Document:
     return {"=": "Note", "kind": next(found, bandwidth), "text": text}
 
 
+POSITIONAL = {
+    "DiagnosisStep": ("groups", ("name", "rms", "validation")),
+    "Finding": ("parameters", ("value", "std", "unit")),
+    "Diagnosis": ("decoys", ("accepted", "tried")),
+}  # class of format 4 -> a field of it that was lists, and what they hold
+
+
+def untagged(value: Any) -> Any:
+    """What format 4 wrote with the names of its classes, as the adapters of these classes read it."""
+    if isinstance(value, list):
+        return [untagged(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if value.keys() == {"/"}:
+        return value["/"]
+    if value.keys() == {"{"}:
+        return {str(key): untagged(item) for key, item in value["{"]}
+    new = {key: untagged(item) for key, item in value.items() if key != "="}
+    field, names = POSITIONAL.get(str(value.get("=")), ("", ()))
+    if old := new.get(field):
+        new[field] = _named(old, names)
+    return new
+
+
+def _named(value: Any, names: tuple[str, ...]) -> Any:
+    """The innermost lists of values as tables with these names."""
+    if isinstance(value, dict):
+        return {key: _named(item, names) for key, item in value.items()}
+    if value and all(isinstance(item, list | dict) for item in value):
+        return [_named(item, names) for item in value]
+    return dict(zip(names, value, strict=True))
+
+
+FIT = ("effects", "observer", "bandwidth", "gains", "refine")  # fields of a state up to format 4
+FITTED = ("path", "observer", "bandwidth", "roles", "effects", "refine", "gains")  # in their order
+DIAGNOSED = ("path", "roles", "effects", "observer", "bandwidth", "gains", "refine")
+
+
+def with_fits(document: Document) -> Document:
+    """The settings of an identification as one record, in every state."""
+    for step in (document["present"], *document.get("past", []), *document.get("future", [])):
+        state = step["analysis"]
+        own = {name: state.pop(name) for name in FIT if name in state}
+        for key, names in (("fitted", FITTED), ("diagnosed", DIAGNOSED)):
+            if state.get(key) is not None:
+                # a verdict of format 2 states data and model only: whatever else the state has
+                state[key] = _settings(own | dict(zip(names, state[key], strict=False)))
+        state["fit"] = _settings(own)["fit"]
+    return document
+
+
+def _settings(values: Document) -> Document:
+    fit = {"refine": False} | {name: values.pop(name) for name in FIT if name in values}
+    return values | {"fit": fit}
+
+
 MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {
     1: from_1,
     2: lambda document, _: renamed(document) | {"format": 3},  # other class names, notes as plain sentences
     3: lambda document, _: document | {"format": 4},  # no gains set by hand, which have a default
+    4: lambda document, _: with_fits(untagged(document)) | {"format": 5},
 }
 
 

@@ -43,7 +43,7 @@ def effect_added(session: Session) -> bool:
     *earlier, present = states
     if any(state.identification is present.identification for state in earlier):
         return False
-    before, now = earlier[-1].fitted_settings, present.fitted_settings
+    before, now = earlier[-1].fitted, present.fitted
     return before is not None and now is not None and set(before.effects) < set(now.effects)
 
 

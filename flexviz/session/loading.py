@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from flexviz.effects import EFFECTS, choose_effects
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
-from flexviz.observers import make_observer
 from flexviz.session.document import (
     OLD_ARRAYS,
     SESSION_FILE,
@@ -22,9 +21,9 @@ from flexviz.session.document import (
     read_document,
     read_reference,
 )
-from flexviz.session.packing import Unpacker, read_arrays, read_npz
+from flexviz.session.packing import Unpacker, numbers, read_arrays, read_npz
 from flexviz.session.saving import remember, save_session, stamp_of
-from flexviz.session.state import HISTORY, Analysis, Session, SessionNote, SessionStep
+from flexviz.session.state import HISTORY, Session, SessionStep
 
 READ_ATTEMPTS = 4  # another process may save meanwhile
 
@@ -100,7 +99,7 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
     try:
         for left in reversed(range(READ_ATTEMPTS)):
             before = stamp_of(folder)
-            document = read_document(folder)
+            document = numbers(read_document(folder))
             try:
                 arrays = _arrays(document, folder)
                 break
@@ -146,34 +145,29 @@ def _unpacked(
         )
         measurements = replace(measurements, warnings=(text, *measurements.warnings))
     unpacker = Unpacker(measurements.path, arrays, document.get("shared", []))
+    session: Session = unpacker.unpack(Session, document)
 
-    def step(packed: Any) -> SessionStep:
-        return _checked(unpacker.unpack(packed), measurements, document, bool(changed))
+    def checked(steps: Sequence[SessionStep]) -> tuple[SessionStep, ...]:
+        return tuple(_checked(step, measurements, document, bool(changed)) for step in steps)
 
-    notes = unpacker.unpack(document["notes"])
-    recordings = document["recordings"]
-    typed = all(isinstance(note, SessionNote) for note in notes)
-    if not typed or not all(isinstance(file, str) for file in recordings):
-        raise InputError("its notes or recordings are not in the expected form")
-    session = Session(
-        step(document["present"]),
-        tuple(step(packed) for packed in document.get("past", [])[-HISTORY:]),
-        tuple(step(packed) for packed in document.get("future", [])[:HISTORY]),
-        notes,
-        tuple((folder / file).resolve() for file in recordings),
+    session = replace(
+        session,
+        present=checked([session.present])[0],
+        past=checked(session.past[-HISTORY:]),
+        future=checked(session.future[:HISTORY]),
+        recordings=tuple((folder / file).resolve() for file in session.recordings),
     )
-    for result in unpacker.shared:
+    for result in unpacker.shared.values():
         if isinstance(result, Identification | Diagnosis):
             result.document()  # checks what the classes' annotations leave open
     saved, version = (str(document.get(key, "")) for key in ("saved", "flexviz"))
     return OpenedSession(folder, measurements, session, changed, saved, version)
 
 
-def _checked(step: Any, measurements: MeasurementSet, document: Document, changed: bool) -> SessionStep:
+def _checked(
+    step: SessionStep, measurements: MeasurementSet, document: Document, changed: bool
+) -> SessionStep:
     """A step whose settings match the set."""
-    typed = isinstance(step, SessionStep) and isinstance(step.analysis, Analysis)
-    if not typed or not isinstance(step.label, str):
-        raise InputError("a step of the history is not in the expected form")
     analysis = step.analysis
     if analysis.path != measurements.path:
         raise InputError("it belongs to another measurement set")
@@ -188,7 +182,4 @@ def _checked(step: Any, measurements: MeasurementSet, document: Document, change
         files = " ".join(f"--effects-from {file}" for file in own)
         raise InputError(f"{', '.join(unknown)} came from a file of user-defined effects, expected {files}")
     choose_effects(analysis.effects, measurements.joints, measurements.carried, names)
-    make_observer(analysis.observer, analysis.bandwidth, analysis.gains)
-    if not isinstance(analysis.refine, bool):
-        raise InputError(f"refine is {analysis.refine!r}, expected true or false")
     return replace(step, analysis=replace(analysis, fitted=None, diagnosed=None)) if changed else step

@@ -1,200 +1,146 @@
-"""Results of a session as JSON and arrays, for the classes listed here; nothing is executed.
+"""Results of a session as JSON and arrays, by the adapter of their classes; nothing is executed.
 
-The arrays of a result are one file, named by its content and written once. A dataclass becomes
-{"=": its name, field: value, …}, an array {"#": its number}, a tuple a list; results that several steps share
-are written once and referred to as {"@": number}.
+The arrays of a result are one file, named by its content and written once. An array is {"#": its number}, a
+number that is not finite {"~": its name}; results that several steps share are written once and referred to
+as {"@": number}.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import math
-import operator
+import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
-from functools import cache, reduce
+from collections.abc import Callable, Sequence
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from types import GenericAlias, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import ConfigDict, InstanceOf, TypeAdapter, ValidationError
-from typing_extensions import TypedDict
+from pydantic import TypeAdapter, ValidationError
 
-from flexviz import diagnosis, identification
 from flexviz.errors import InputError
+from flexviz.fields import named
 from flexviz.files import remove_leftovers, write_whole
-from flexviz.laws import LawThroughData
 from flexviz.limits import LARGEST_UNPACKED, check_npz
 from flexviz.measurements import readable
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.observers import EsoGains
-from flexviz.progress import Iteration
-from flexviz.results import Note
-from flexviz.schemas import shown
-from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
+from flexviz.schemas import input_error
 
-KINDS: dict[str, type] = {
-    kind.__name__: kind
-    for kind in (
-        Analysis, EffectValue, EsoGains, FlexibleModel, Iteration, LawThroughData, ModelStep, Note,
-        SessionNote, SessionStep,
-        diagnosis.Absorbed, diagnosis.BandwidthCheck, diagnosis.Diagnosis, diagnosis.Evidence,
-        diagnosis.Family, diagnosis.Finding, diagnosis.FreeCurve, diagnosis.Move, diagnosis.ParameterCurve,
-        diagnosis.ResidualLocation, diagnosis.ResidualMap, diagnosis.Tie,
-        identification.Combination, identification.Identification, identification.ParameterEstimate,
-        identification.ResidualSeries, identification.ResidualSummary,
-    )
-} | {"DiagnosisStep": diagnosis.Step}  # fmt: skip
-NAMES = {kind: name for name, kind in KINDS.items()}
-SHARED = (identification.Identification, diagnosis.Diagnosis, diagnosis.Step)  # written once
-MAX_DEPTH = 40  # of nested values
 FOLDER = "results"
+NOT_FINITE = ("nan", "inf", "-inf")
 _FILE = re.compile(rf"{FOLDER}/([0-9a-f]{{32}})\.npz")
 
 
+@cache
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """What writes and checks a class."""
+    return TypeAdapter(kind)
+
+
 class Packer:
-    """Converts objects to JSON; collects the numbered arrays and shared values."""
+    """Objects as JSON; the context of the adapter, which collects the numbered arrays and shared values."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder  # written as ".": a session may be moved
+        self._folder = folder
         self.arrays: list[np.ndarray] = []
         self.shared: list[Any] = []
         self._numbers: dict[int, int] = {}
-        self._kept: list[Any] = []
         self._depth = 0  # of nested shared values
         self._bounds: list[int] = [0]  # array numbers at which outermost shared values begin and end
+
+    def pack(self, value: Any) -> Any:
+        """The value as JSON."""
+        return adapter(type(value)).dump_python(value, mode="json", context=self)
 
     def parts(self) -> list[list[np.ndarray]]:
         """All arrays in order, split into one list per result."""
         bounds = [*self._bounds, len(self.arrays)]
         return [self.arrays[first:last] for first, last in pairwise(bounds) if last > first]
 
-    def pack(self, value: Any) -> Any:
-        """The value as JSON."""
-        if value is None or isinstance(value, bool | str):
-            return value
-        if isinstance(value, Path):
-            return {"/": "." if value == self._folder else str(value)}
-        if isinstance(value, int | np.integer):
-            return int(value)
-        if isinstance(value, float | np.floating):
-            return float(value) if math.isfinite(value) else {"~": str(float(value))}
-        if isinstance(value, np.ndarray):
-            self.arrays.append(value)
-            return {"#": len(self.arrays) - 1}
-        if isinstance(value, Mapping):
-            return {"{": [[self.pack(k), self.pack(v)] for k, v in value.items()]}
-        if isinstance(value, tuple | list):
-            return [self.pack(item) for item in value]
-        if is_dataclass(value) and type(value) in NAMES:
-            return self._object(value)
-        raise InputError(f"a {type(value).__name__} cannot be saved in a session")
+    def keep(self, array: np.ndarray) -> dict[str, int]:
+        """What stands for an array."""
+        self.arrays.append(array)
+        return {"#": len(self.arrays) - 1}
 
-    def _object(self, value: Any) -> Any:
-        if not isinstance(value, SHARED):
-            return self._fields(value)
+    def once(self, value: Any, pack: Callable[[Any], Any]) -> dict[str, int]:
+        """What stands for a shared value, which is packed when it occurs first."""
         if id(value) not in self._numbers:
             begin = len(self.arrays)
             self._depth += 1
-            packed = self._fields(value)
+            packed = pack(value)
             self._depth -= 1
             if not self._depth:
                 self._bounds += [begin, len(self.arrays)]
-            self._kept.append(value)  # keeps its id unique
             self._numbers[id(value)] = len(self.shared)
             self.shared.append(packed)
         return {"@": self._numbers[id(value)]}
 
-    def _fields(self, value: Any) -> Any:
-        entries = {field.name: self.pack(getattr(value, field.name)) for field in fields(value) if field.init}
-        return {"=": NAMES[type(value)], **entries}
+    def in_set(self, path: Path) -> str:
+        """A path; "." for the set's own, as a session may be moved."""
+        return "." if path == self._folder else str(path)
 
 
 class Unpacker:
-    """Converts JSON back to objects; InputError for anything that `Packer` does not write."""
+    """JSON as objects; the context of the adapter, which gives it arrays and shared values.
+
+    InputError for anything that `Packer` does not write.
+    """
 
     def __init__(self, folder: Path, arrays: Sequence[np.ndarray], shared: Sequence[Any]) -> None:
-        self._folder = folder
-        self._arrays = arrays
-        self.shared: list[Any] = []
-        for packed in shared:  # each refers to earlier ones only
-            self.shared.append(self.unpack(packed))
+        self._folder, self._arrays, self._packed = folder, arrays, shared
+        self.shared: dict[int, Any] = {}
+        self._below = len(shared)  # a shared value refers to earlier ones only
 
-    def unpack(self, value: Any, depth: int = 0) -> Any:
-        """The object that this JSON describes."""
-        if depth > MAX_DEPTH:
-            raise InputError("values are nested too deeply")
-        if value is None or isinstance(value, bool | str | int | float):
-            return value
-        if isinstance(value, list):
-            return tuple(self.unpack(item, depth + 1) for item in value)
-        if not isinstance(value, dict):
-            raise InputError(f"{type(value).__name__} is not allowed in a session")
-        if "=" in value:
-            return self._object(value, depth)
-        if len(value) != 1:
-            raise InputError("an entry with several keys, expected one")
-        (mark, inner), *_ = value.items()
-        if mark == "#":
-            return self._arrays[_index(inner, self._arrays)]
-        if mark == "@":
-            return self.shared[_index(inner, self.shared)]
-        if mark == "~" and inner in ("nan", "inf", "-inf"):
-            return float(inner)
-        if mark == "/" and isinstance(inner, str):
-            return self._folder if inner == "." else Path(inner)
-        pairs = isinstance(inner, list) and all(isinstance(p, list) and len(p) == 2 for p in inner)
-        if mark == "{" and pairs:
-            return {self.unpack(k, depth + 1): self.unpack(v, depth + 1) for k, v in inner}
-        raise InputError(f"unknown kind of entry {mark!r}")
-
-    def _object(self, value: dict[str, Any], depth: int) -> Any:
-        name = value["="]
-        kind = KINDS.get(name) if isinstance(name, str) else None
-        if kind is None:
-            raise InputError(f"{name!r} is not a class of a session")
-        known = {field.name: field for field in fields(kind) if field.init}
-        given = {key: self.unpack(v, depth + 1) for key, v in value.items() if key in known}
-        needed = [k for k, f in known.items() if f.default is MISSING and f.default_factory is MISSING]
-        if missing := [key for key in needed if key not in given]:
-            raise InputError(f"{name} lacks {', '.join(missing)}: written by another version")
+    def unpack(self, kind: Any, value: Any) -> Any:
+        """The object of a class that this JSON describes."""
         try:
-            return kind(**_checker(kind).validate_python(given))
+            return adapter(kind).validate_json(json.dumps(value), strict=True, context=self)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            field = ".".join(map(str, first["loc"]))
-            raise InputError(f"{name}.{field} is {shown(first['input'])}: {first['msg']}") from None
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{name} cannot be read: {error}") from None
+            raise input_error(error, value) from None
+
+    def array(self, value: dict[str, Any]) -> np.ndarray:
+        """The array that an entry stands for."""
+        return self._arrays[_index(value.get("#"), len(self._arrays))]
+
+    def shared_value(self, kind: Any, value: Any) -> Any:
+        """The shared value that an entry stands for."""
+        number = _index(value.get("@") if isinstance(value, dict) else value, self._below)
+        if number not in self.shared:
+            below, self._below = self._below, number
+            self.shared[number] = self.unpack(kind, self._packed[number])
+            self._below = below
+        if not isinstance(self.shared[number], kind):
+            raise InputError(f"reference {number} is not to a {kind.__name__}")
+        return self.shared[number]
+
+    def from_set(self, path: Path) -> Path:
+        """The path that `Packer.in_set` wrote."""
+        return self._folder if path == Path(".") else path
 
 
-@cache
-def _checker(kind: type) -> TypeAdapter[Any]:
-    """Checks the fields of a class against its annotations, strictly."""
-    hints = get_type_hints(kind, localns={"NDArray": NDArray, "np": np})
-    types = {field.name: _instances(hints[field.name]) for field in fields(kind) if field.init}
-    table: Any = TypedDict(kind.__name__, types, total=False)  # type: ignore[misc]
-    table.__pydantic_config__ = ConfigDict(strict=True, arbitrary_types_allowed=True)
-    return TypeAdapter(table)
+def named_numbers(value: Any) -> Any:
+    """JSON in which a number that is not finite is {"~": its name}."""
+    if isinstance(value, dict):
+        return {key: named_numbers(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [named_numbers(item) for item in value]
+    return named(value) if isinstance(value, float) else value
 
 
-def _instances(hint: Any) -> Any:
-    """An annotation in which classes of results stand for their instances, which are checked already."""
-    if isinstance(hint, type) and is_dataclass(hint):
-        return InstanceOf[hint]
-    origin, inside = get_origin(hint), get_args(hint)
-    if origin in (tuple, dict):
-        return GenericAlias(origin, tuple(map(_instances, inside)))
-    return reduce(operator.or_, map(_instances, inside)) if origin in (Union, UnionType) else hint
+def numbers(value: Any) -> Any:
+    """What `named_numbers` was made of."""
+    if isinstance(value, list):
+        return [numbers(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if value.keys() == {"~"} and value["~"] in NOT_FINITE:
+        return float(value["~"])
+    return {key: numbers(item) for key, item in value.items()}
 
 
-def _index(number: Any, of: Sequence[Any]) -> int:
-    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(of):
+def _index(number: Any, count: int) -> int:
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < count:
         raise InputError(f"reference {number!r} is out of range")
     return number
 

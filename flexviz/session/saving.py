@@ -19,7 +19,6 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from flexviz import __version__
 from flexviz.effects import loaded_files
@@ -27,7 +26,7 @@ from flexviz.errors import InputError
 from flexviz.files import copy_tree, named_errors, remove_leftovers, sha256_of, whole_folder, write_whole
 from flexviz.measurements import MeasurementSet
 from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE, SetReference, read_reference
-from flexviz.session.packing import FOLDER, Packer, remove_others, write_arrays
+from flexviz.session.packing import FOLDER, Packer, named_numbers, remove_others, write_arrays
 from flexviz.session.state import Session, now
 
 LEFT_OUT = shutil.ignore_patterns(
@@ -104,9 +103,7 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
     """Write to `folder`, which will be renamed to `final`."""
     carried = (folder / "measurements.toml").is_file()
     packer = Packer(measurements.path)
-    steps: dict[str, Any] = {"present": packer.pack(session.present)}
-    steps |= {name: [packer.pack(step) for step in getattr(session, name)] for name in ("past", "future")}
-    notes = packer.pack(session.notes)
+    content = packer.pack(session)
     arrays = [write_arrays(folder, part) for part in packer.parts()]
     files = [file for file in loaded_files() if file.is_file()]
     own_effects = [{"path": str(file), "sha256": sha256_of(file)} for file in files]
@@ -116,13 +113,12 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
         "saved": now(),
         "set": SetReference.of(measurements, final, carried).to_json(),
         "effects_from": own_effects,  # opening a session never loads them
-        "notes": notes,
+        **content,
         "recordings": [_beside(file, final) for file in session.recordings],
-        **steps,
         "shared": packer.shared,
         "arrays": arrays,
     }
-    write_whole(folder / SESSION_FILE, json.dumps(document, allow_nan=False).encode())
+    write_whole(folder / SESSION_FILE, json.dumps(named_numbers(document), allow_nan=False).encode())
     remove_others(folder, arrays)
     remove_leftovers(folder, age=0.0)
     (folder / OLD_ARRAYS).unlink(missing_ok=True)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
-from flexviz.results import hints
+from flexviz.identification import FitSettings
+from flexviz.results import at_bounds
 from flexviz.session.state import Analysis
 
 Belongs = Literal["none", "earlier", "present"]
@@ -29,6 +31,7 @@ class ResultStanding:
     bounds: str = ""
 
 
+@lru_cache(maxsize=4)  # every text of the page asks
 def standing(analysis: Analysis) -> ResultStanding:
     """The standing of the results of an analysis."""
     result, diagnosis = analysis.identification, analysis.diagnosis
@@ -36,7 +39,7 @@ def standing(analysis: Analysis) -> ResultStanding:
     verdict: Belongs = "present" if analysis.diagnosis_up_to_date else "earlier"
     if diagnosis is None:
         verdict = "none"
-    bounds = " ".join(hints(result.parameters)) if result is not None else ""
+    bounds = " ".join(at_bounds(result.parameters)) if result is not None else ""
     if diagnosis is not None and verdict == "present" and diagnosis.steps and not _own_fit(analysis):
         return ResultStanding(fit, verdict, "verdict", bounds)
     return ResultStanding(fit, verdict, "" if result is None else "fit", bounds)
@@ -44,7 +47,7 @@ def standing(analysis: Analysis) -> ResultStanding:
 
 def _own_fit(analysis: Analysis) -> bool:
     """Whether the fit is not the diagnosis's own, nor one with the observer and stages of a new session."""
-    result, fitted, start = analysis.identification, analysis.fitted_settings, Analysis(analysis.path)
+    result, fitted = analysis.identification, analysis.fitted
     if result is None or fitted is None or not result.iterations:
         return False
-    return (fitted.observer, fitted.bandwidth, fitted.refine) != (start.observer, None, False)
+    return replace(fitted.fit, effects=()) != FitSettings()

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Annotated, Literal, Unpack, get_args
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from flexviz import __version__
 from flexviz.diagnosis import Diagnosis, PredictionErrors, prediction_errors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError, choose_from
-from flexviz.identification import Identification
+from flexviz.fields import Once, SetPath
+from flexviz.identification import FitOptions, FitSettings, Identification, fit_settings
 from flexviz.measurements import MeasurementSet
-from flexviz.observers import EsoGains, make_observer
+from flexviz.observers import EsoGains
 from flexviz.wording import tied_families
 
 Role = Literal["fit", "validate", "ignore"]
@@ -39,102 +40,82 @@ class ModelStep:
     """
 
     effects: tuple[str, ...]
-    step: DiagnosisStep
+    step: Annotated[DiagnosisStep, Once()]
     families: tuple[tuple[str, str], ...] = ()
 
 
-class Settings(NamedTuple):
-    """Everything an identification depends on; see `Analysis`."""
-
-    path: Path
-    observer: str
-    bandwidth: float | tuple[float, ...] | None
-    roles: tuple[tuple[str, Role], ...]
-    effects: tuple[str, ...]
-    refine: bool
-    gains: EsoGains | None = None  # not stored before format 4
+Roles = tuple[tuple[str, Role], ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Analysis:
-    """One state of an analysis.
+@dataclass(frozen=True)
+class Settings:
+    """Everything that a result depends on.
 
     Attributes:
         path: folder of the measurement set.
-        observer: its name.
-        bandwidth: of the observer [rad/s], one number or one per joint; None: its default.
         roles: (group, role) of every group, in the order of the set.
-        effects: effects added to those of the set: "name" (every joint), "name:joint", "name:payload" or
-            "name:joint@group".
-        refine: whether to run the refinement stage.
-        identification, fitted: the last result and the `settings` it belongs to.
-        diagnosis, diagnosed: the last diagnosis and the `diagnosis_settings` it belongs to.
-        gains: of the observer "eso", set by hand; a bandwidth scales them.
+        fit: how it is identified, with the effects added to those of the set; its groups follow the roles.
+    """
+
+    path: SetPath
+    roles: Roles = ()
+    fit: FitSettings = field(default_factory=FitSettings)
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects added to those of the set."""
+        return self.fit.effects
+
+    def alike(self, other: Settings | None) -> bool:
+        """Whether both are the same; the order in which effects were added is no matter."""
+        if other is None or (self.path, self.roles) != (other.path, other.roles):
+            return False
+        mine, others = sorted(self.effects), sorted(other.effects)
+        return mine == others and replace(self.fit, effects=other.effects) == other.fit
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis(Settings):
+    """One state of an analysis.
+
+    Attributes:
+        path, roles, fit: its settings.
+        identification, fitted: the last result and the settings it belongs to.
+        diagnosis, diagnosed: the last diagnosis and the settings it belongs to. The diagnosis chooses
+            observer and stages itself; but what it says is not true of values found with others.
         model_steps: the models before the current one, fewest effects first.
     """
 
-    path: Path
-    observer: str = "butterworth-zero-phase"
-    bandwidth: float | tuple[float, ...] | None = None
-    roles: tuple[tuple[str, Role], ...] = ()
-    effects: tuple[str, ...] = ()
-    refine: bool = False
-    identification: Identification | None = None
-    fitted: tuple[Any, ...] | None = None
-    diagnosis: Diagnosis | None = None
-    diagnosed: tuple[Any, ...] | None = None
+    identification: Annotated[Identification, Once()] | None = None
+    fitted: Settings | None = None
+    diagnosis: Annotated[Diagnosis, Once()] | None = None
+    diagnosed: Settings | None = None
     model_steps: tuple[ModelStep, ...] = ()
-    gains: EsoGains | None = None
-
-    def __post_init__(self) -> None:
-        if self.gains is not None:
-            make_observer(self.observer, None, self.gains)
-
-    @property
-    def tuning(self) -> tuple[str, float | tuple[float, ...] | None, EsoGains | None]:
-        """Observer, bandwidth and gains."""
-        return self.observer, self.bandwidth, self.gains
+    __eq__ = object.__eq__  # type: ignore[assignment]
+    __hash__ = object.__hash__
 
     @property
     def used_tuning(self) -> tuple[str, float | tuple[float, ...] | None, EsoGains | None]:
-        """The same, with the bandwidth that the data chose for the last identification if none is set."""
+        """Those of `fit`, with the bandwidth that the data chose at the last identification."""
         result = self.identification
-        if result is None or self.tuning != (result.observer_name, None, None):
-            return self.tuning
-        return self.observer, float(np.max(result.bandwidth)), None
+        if result is None or self.fit.tuning != (result.observer_name, None, None):
+            return self.fit.tuning
+        return self.fit.observer, float(np.max(result.bandwidth)), None
 
     @property
     def settings(self) -> Settings:
-        """Everything an identification depends on."""
-        return Settings(
-            self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine, self.gains
-        )
-
-    @property
-    def fitted_settings(self) -> Settings | None:
-        """Settings of the last identification."""
-        return None if self.fitted is None else Settings(*self.fitted)
+        """Everything that its results depend on."""
+        return Settings(self.path, self.roles, self.fit)
 
     @property
     def up_to_date(self) -> bool:
         """Whether the last identification belongs to the current settings."""
-        fitted = self.fitted_settings
-        return self.identification is not None and fitted is not None and same(fitted, self.settings)
-
-    @property
-    def diagnosis_settings(self) -> tuple[Any, ...]:
-        """What a verdict is about: data, model, and the observer and stages with which it was identified.
-
-        The diagnosis chooses observer and stages itself; but what it says is not true of other values.
-        """
-        return (self.path, self.roles, self.effects, *self.tuning, self.refine)
+        return self.identification is not None and self.settings.alike(self.fitted)
 
     @property
     def diagnosis_up_to_date(self) -> bool:
         """Whether the last diagnosis belongs to the current settings."""
-        known = self.diagnosed or ()  # older sessions: data and model only
-        found = bool(known) and same(known, self.diagnosis_settings[: len(known)])
-        return self.diagnosis is not None and found
+        return self.diagnosis is not None and self.settings.alike(self.diagnosed)
 
     @property
     def current_diagnosis(self) -> Diagnosis | None:
@@ -159,17 +140,21 @@ class Analysis:
             raise InputError(f'role "{role}" does not exist; {choose_from(role, ROLES)}')
         return replace(self, roles=tuple((name, role if name == group else old) for name, old in self.roles))
 
+    def with_fit(self, **options: Unpack[FitOptions]) -> Analysis:
+        """A copy with other fields of `fit`."""
+        return replace(self, fit=fit_settings(self.fit, **options))
+
     def with_effects(self, effects: Iterable[str]) -> Analysis:
         """A copy with more effects."""
         new = tuple(name for name in effects if name not in self.effects)
-        return replace(self, effects=(*self.effects, *new))
+        return self.with_fit(effects=(*self.effects, *new))
 
     def without_effects(self, effects: Iterable[str]) -> Analysis:
         """A copy with fewer effects."""
         gone = set(effects)
-        return replace(self, effects=tuple(name for name in self.effects if name not in gone))
+        return self.with_fit(effects=[name for name in self.effects if name not in gone])
 
-    def with_identification(self, result: Identification, settings: tuple[Any, ...]) -> Analysis:
+    def with_identification(self, result: Identification, settings: Settings) -> Analysis:
         """A copy with a result that was computed for `settings`."""
         return replace(self, identification=result, fitted=settings)
 
@@ -178,7 +163,7 @@ class Analysis:
 
         Earlier steps are kept if they have the same roles and a subset of the effects.
         """
-        same_roles = self.diagnosed is None or self.diagnosed[1] == self.roles
+        same_roles = self.diagnosed is None or self.diagnosed.roles == self.roles
         earlier = self.model_steps if same_roles else ()
         model_steps = [step for step in earlier if set(step.effects) < set(self.effects)]
         if diagnosis.steps:
@@ -186,9 +171,7 @@ class Analysis:
             families |= dict(pair for step in model_steps for pair in step.families)
             own = tuple((name, families[name]) for name in self.effects if name in families)
             model_steps.append(ModelStep(self.effects, diagnosis.steps[0], own))
-        return replace(
-            self, diagnosis=diagnosis, diagnosed=self.diagnosis_settings, model_steps=tuple(model_steps)
-        )
+        return replace(self, diagnosis=diagnosis, diagnosed=self.settings, model_steps=tuple(model_steps))
 
     def without_result(self) -> Analysis:
         """A copy without results, cheap to send to another process."""
@@ -288,16 +271,6 @@ class Session:
         return replace(self, recordings=(*others, file))
 
 
-def same(settings: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
-    """Whether settings are the same; the order in which effects were added is none of them."""
-
-    def ordered(values: tuple[Any, ...]) -> list[Any]:
-        texts = [isinstance(value, tuple) and all(isinstance(one, str) for one in value) for value in values]
-        return [sorted(value) if text else value for value, text in zip(values, texts, strict=True)]
-
-    return ordered(settings) == ordered(others)
-
-
 def now() -> str:
     """The current time, ISO 8601 in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds")
@@ -315,7 +288,7 @@ def with_roles(measurements: MeasurementSet, roles: Mapping[str, Role]) -> Measu
 
 def identified_errors(measurements: MeasurementSet, analysis: Analysis) -> PredictionErrors | None:
     """Errors of the identified model in the band that models are compared in; None without a result."""
-    result, fitted = analysis.identification, analysis.fitted_settings
+    result, fitted = analysis.identification, analysis.fitted
     if result is None or fitted is None:
         return None
     return prediction_errors(with_roles(measurements, dict(fitted.roles)), result.model, fitted.effects)

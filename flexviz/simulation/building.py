@@ -11,7 +11,7 @@ from flexviz.effects import EFFECTS
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation.effect_laws import LAWS, STANDARD_GRAVITY, Assembly, TorquePath
+from flexviz.simulation.effect_laws import LAWS, Assembly, TorquePath
 from flexviz.simulation.laws import ROOM_TEMPERATURE, UserEffectLaw
 from flexviz.simulation.plant import Array, Plant
 
@@ -40,9 +40,8 @@ def make_plant(
         robot.to_pin(model.motor_viscous_friction),
     )
     degrees = np.full(robot.n, ROOM_TEMPERATURE) if temperature is None else np.asarray(temperature, float)
-    gravity = (0.0, 0.0, -STANDARD_GRAVITY)
     path = TorquePath(*np.zeros((2, robot.n)))
-    made = Assembly(robot, plant, tuple(payload), gravity, path, robot.to_pin(degrees))
+    made = Assembly(robot, plant, tuple(payload), robot.gravity, path, robot.to_pin(degrees))
     for effect in model.effects:
         if effect.group not in (None, group) or effect.payload not in (None, payload_name):
             continue

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from flexviz.errors import InputError
+from flexviz.mounting import GRAVITY, upright
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import laws
 from flexviz.simulation.laws import ElasticJoint
 from flexviz.simulation.plant import Array, Plant
-
-STANDARD_GRAVITY = 9.81  # [m/s²]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +54,17 @@ def scaled_body(body: PayloadBody, factor: float) -> PayloadBody:
     return PayloadBody(body.link, body.mass * factor, body.com, body.inertia * factor)
 
 
-def tilted_gravity(tilt_x: float, tilt_y: float) -> tuple[float, float, float]:
-    """Rᵀ (0, 0, −g) with R = Ry(tilt_y) Rx(tilt_x) [m/s²]."""
-    g = STANDARD_GRAVITY
-    return (g * sin(tilt_y), -g * cos(tilt_y) * sin(tilt_x), -g * cos(tilt_y) * cos(tilt_x))
+def tilted_gravity(
+    tilt_x: float, tilt_y: float, gravity: Sequence[float] = GRAVITY
+) -> tuple[float, float, float]:
+    """Rᵀ (0, 0, −g) with R = Ry(tilt_y) Rx(tilt_x) [m/s²], where the base stands upright.
+
+    Else tilted about the level axes of the frame in which the stated `gravity` (3,) points down.
+    """
+    g = float(np.linalg.norm(gravity))
+    tilted = (g * sin(tilt_y), -g * cos(tilt_y) * sin(tilt_x), -g * cos(tilt_y) * cos(tilt_x))
+    x, y, z = map(float, upright(gravity).T @ tilted)
+    return x, y, z
 
 
 Parameters = Mapping[str, float]
@@ -120,7 +126,7 @@ def _payload_error(made: Assembly, joints: Sequence[int], p: Parameters) -> None
 
 
 def _base_tilt(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
-    made.gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
+    made.gravity = tilted_gravity(p["tilt_x"], p["tilt_y"], made.robot.gravity)
 
 
 def _external_contact(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
@@ -145,6 +151,7 @@ LAWS: dict[str, EffectLaw] = {
     "directional_friction": motor(laws.directional_friction),
     "thinning_friction": motor(laws.thinning_friction, positive=("velocity",)),
     "load_dependent_friction": motor(laws.load_dependent_friction),
+    "driving_friction": motor(laws.driving_friction, not_negative=("motor_driving", "load_driving")),
     "presliding_hysteresis": on_each("extra", laws.Dahl, ("presliding_stiffness", "coulomb")),
     "startup_friction": on_each("extra", laws.BreakAway, ("angle",)),
     "friction_drift": motor(

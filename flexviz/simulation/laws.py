@@ -64,6 +64,16 @@ def load_dependent_friction(coefficient: float) -> MotorLaw:
     return lambda t, theta, velocity, load: coefficient * abs(load) * tanh(velocity / SIGN_WIDTH)
 
 
+def driving_friction(motor_driving: float, load_driving: float) -> MotorLaw:
+    """μ |τ_j| sign(θ̇), with μ_m where the power τ_j θ̇ flows to the load, μ_l where it flows back"""
+
+    def torque(t: float, theta: float, velocity: float, load: float) -> float:
+        forth = abs(load) * tanh(velocity / SIGN_WIDTH)
+        return (motor_driving if load * velocity > 0.0 else load_driving) * forth
+
+    return torque
+
+
 def friction_drift(relative_rise: float, time_constant: float, viscous: float) -> MotorLaw:
     """f_mv θ̇ · a exp(−t/T), t the group's own time"""
     rise = relative_rise * viscous

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +17,7 @@ from flexviz.simulation.integrator import stepper
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.sensors import Feedback
 
+Compensate = Callable[[int, Array], Array]  # cycle, commanded torque (n,) → torque added to it (n,) [Nm]
 PROGRESS_CYCLES = 1024  # between calls of progress and should_stop
 LARGEST_TORQUE = 1e12  # [Nm] beyond which the simulation counts as diverged
 
@@ -32,6 +34,7 @@ class Loop:
     cycle: float  # [s]
     smooth: TorqueFilter | None = None  # filter of the applied and recorded torque, or None
     feedback: Feedback | None = None  # measured motion for the controller; None: the true motion
+    compensate: Compensate | None = None  # torque at the drive in addition to the commanded and recorded one
     step: float | None = None  # largest integration step [s]; None: from the fastest motion
 
     def drive(
@@ -52,6 +55,7 @@ class Loop:
         theta, speed = x[n : 2 * n], x[3 * n : 4 * n]
         target, smooth, feedback = self.target, self.smooth, self.feedback
         states, torques = np.empty((cycles, len(x))), np.empty((cycles, n))
+        sent = torques if self.compensate is None else np.empty_like(torques)
         advance = stepper(self.plant, x)
         fine = self._substeps(x)
         gain = 1.0 + self.torque_path.gain_error
@@ -68,13 +72,16 @@ class Loop:
             if smooth is not None:
                 tau = smooth(tau)
             torques[k] = tau
+            if self.compensate is not None:
+                tau = tau + self.compensate(k, tau)
+            sent[k] = tau
             now = k * cycle
             if straight:
                 advance(tau, now, cycle, fine)
             else:
                 for offset, length, count, back in parts:
                     source = k - back
-                    applied = np.where(source >= 0, torques[np.maximum(source, 0), columns], before)
+                    applied = np.where(source >= 0, sent[np.maximum(source, 0), columns], before)
                     advance(applied * gain, now + offset, length, count)
             if k % PROGRESS_CYCLES == 0:
                 _check(tau, now)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from flexviz.compensation import FrictionTable
 from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import PayloadBody, Robot
@@ -63,6 +64,7 @@ class Plan:
         files: further files of the set: name -> text, or the path of a file to copy.
         laws: (joint, law) beyond the library's; not in truth.json.
         step: largest integration step [s]; None: from the fastest motion.
+        compensation: friction that the controller compensates; the recorded torque is without it.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Plan:
     files: Mapping[str, str | Path] = field(default_factory=dict)
     laws: tuple[tuple[str, ExtraLaw], ...] = ()
     step: float | None = None
+    compensation: FrictionTable | None = None
 
     def run(
         self,
@@ -110,6 +113,7 @@ class Plan:
             payload_name=group.payload,
             temperature=group.temperature,
             laws=self.laws,
+            compensation=self.compensation,
             progress=progress,
             should_stop=should_stop,
         )

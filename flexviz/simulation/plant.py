@@ -36,7 +36,7 @@ class Plant:
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
     # (joint index, torque [Nm], start [s], end [s])
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)
-    # (joint index, law): with own states, user-defined, or of no library
+    # (joint index, law): with own states, user-defined, or unmodelled
     extra: list[tuple[int, ExtraLaw]] = field(default_factory=list)
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexviz.compensation import FrictionTable
 from flexviz.errors import InputError
 from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
@@ -15,7 +16,7 @@ from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.control import PDController, TorqueFilter
 from flexviz.simulation.laws import ExtraLaw
-from flexviz.simulation.loop import Loop
+from flexviz.simulation.loop import Compensate, Loop
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
 from flexviz.simulation.sensors import Feedback, Seed, Sensors, rounded
@@ -77,6 +78,7 @@ def simulate_run(
     payload_name: str | None = None,
     temperature: Sequence[float] | None = None,
     laws: Sequence[tuple[str, ExtraLaw]] = (),
+    compensation: FrictionTable | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> Run:
@@ -85,14 +87,14 @@ def simulate_run(
     `step` is the largest integration step [s] (None: from the fastest motion), `record_step` the recording's
     step [s] (None: every controller cycle). `start` "rest": in static equilibrium at θ_d(0); "moving": on the
     reference, with its velocity. `temperature` (n,) in °C. `laws` are (joint, law) beyond the library's.
+    `compensation` adds its torque at the reference's speed and the commanded torque; τ is recorded without.
 
     Raises:
         Cancelled: `should_stop` returned True.
     """
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; valid: {", ".join(STARTS)}')
-    cycle = controller.cycle
-    every = _cycles_per_record(record_step or cycle, cycle)
+    every = _cycles_per_record(record_step or controller.cycle, cycle := controller.cycle)
     n, time = robot.n, np.arange(round(duration / cycle)) * cycle
     position, velocity = (robot.to_pin(x) for x in reference.sample(time))
     plant, torque_path = make_plant(
@@ -106,11 +108,10 @@ def simulate_run(
         x = starting.moving(plant, lambda t: robot.to_pin(reference.sample(t)[0]))
         tau = kp * (position[0] - x[n : 2 * n]) + kd * (velocity[0] - x[3 * n : 4 * n])
     smooth = None if controller.torque_filter is None else TorqueFilter(controller.torque_filter, cycle, tau)
-    feedback = None
-    if sensors is not None and sensors.feedback:
-        start_at = x[n : 2 * n], x[3 * n : 4 * n]
-        feedback = Feedback(sensors.reordered(robot.to_pin, n), len(time), cycle, *start_at, seed)
-    loop = Loop(plant, torque_path, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
+    feedback = _feedback(robot, sensors, x, len(time), cycle, seed)
+    beside = None if compensation is None else _compensate(robot, compensation, velocity)
+    target = kp * position + kd * velocity
+    loop = Loop(plant, torque_path, target, kp, kd, cycle, smooth, feedback, beside, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
     hold = cycle
     if sensors is not None and sensors.torque_filter:
@@ -120,6 +121,23 @@ def simulate_run(
         noise = (robot.from_pin(x[::every]) for x in (feedback.noise, feedback.torque_noise))
         return run.with_noise(sensors, *noise)
     return run if sensors is None else run.measured(sensors, seed)
+
+
+def _feedback(
+    robot: Robot, sensors: Sensors | None, x: Array, cycles: int, cycle: float, seed: Seed
+) -> Feedback | None:
+    """What the controller measures from the initial state x on; None: the true motion."""
+    if sensors is None or not sensors.feedback:
+        return None
+    n = robot.n
+    own = sensors.reordered(robot.to_pin, n)
+    return Feedback(own, cycles, cycle, x[n : 2 * n], x[3 * n : 4 * n], seed)
+
+
+def _compensate(robot: Robot, table: FrictionTable, velocity: Array) -> Compensate:
+    """The table's torque by the reference's velocity (cycles, n), in Pinocchio's joint order."""
+    wanted = robot.from_pin(velocity)
+    return lambda k, tau: robot.to_pin(table.torque(wanted[k], robot.from_pin(tau)))
 
 
 def _cycles_per_record(record_step: float, cycle: float) -> int:

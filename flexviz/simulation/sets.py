@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.compensation import read_friction_table
 from flexviz.effects import EFFECTS
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
@@ -38,10 +39,12 @@ def make_plan(
     effects: Sequence[str] = (),
     start: str = "rest",
     temperatures: Sequence[float] = (),
+    gravity: Sequence[float] | None = None,
 ) -> Plan:
     """The plan of a preset, of a robot's URDF, or of a set to repeat, with effects hidden in it.
 
-    `temperatures` [°C]: one per group, or one for all; none leaves them as they are.
+    `temperatures` [°C]: one per group, or one for all; none leaves them as they are. `gravity` (3,) [m/s²] in
+    the base's frame; None leaves it as it is.
     """
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; {choose_from(start, STARTS)}')
@@ -55,7 +58,8 @@ def make_plan(
     else:
         valid = choose_from(name, PRESETS)
         raise InputError(f'"{name}" is neither a preset nor a measurement set; {valid}')
-    plan = replace(plan, start=start)
+    robot = plan.robot if gravity is None else plan.robot.mounted(gravity)
+    plan = replace(plan, start=start, robot=robot)
     return inject(at_temperatures(plan, temperatures) if temperatures else plan, effects)
 
 
@@ -69,19 +73,24 @@ def simulate_preset(
     should_stop: StopCallback = never,
     *,
     temperatures: Sequence[float] = (),
+    gravity: Sequence[float] | None = None,
+    compensate: Path | None = None,
     overwrite: bool = False,
     table_format: str = "parquet",
 ) -> SimulatedSet:
     """Simulate a preset, a URDF or a measurement set, and write it to `out` completely or not at all.
 
     Equal arguments give equal numbers. `temperatures` [°C] are those of the groups, one each or one for all;
-    the set then states them.
+    the set then states them. `gravity` (3,) [m/s²] is in the base's frame; None: as it is. `compensate`: a
+    table of friction that the controller adds; the recorded torque is without it.
 
     Raises:
         Cancelled: `should_stop` returned True.
     """
     check_free(Path(out).absolute(), overwrite)  # before the work, not after it
-    plan = make_plan(preset_or_set, effects, start, temperatures)
+    plan = make_plan(preset_or_set, effects, start, temperatures, gravity)
+    if compensate is not None:
+        plan = replace(plan, compensation=read_friction_table(compensate, plan.robot.joints))
     runs = simulate_plan(plan, seed, progress, should_stop)
     return SimulatedSet(
         write_plan(plan, runs, out, seed, overwrite=overwrite, table_format=table_format), plan, seed
@@ -147,6 +156,7 @@ def write_plan(
         joints=plan.robot.joints,
         groups=tables,
         payloads=plan.payloads,
+        gravity=plan.robot.gravity,
         torque_hold=next((run.torque_hold for run in runs.values()), controller.cycle),
         initial_stiffness=plan.initial_stiffness,
         initial_motor_inertia=plan.initial_motor_inertia,

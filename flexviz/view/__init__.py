@@ -1,5 +1,7 @@
 """Charts, tables and sentences of results as plain data, for app, report and recording; no browser code."""
 
+from flexviz.laws import law_chart, law_difference
+from flexviz.results import evidence_chart, staircase_chart
 from flexviz.view.effect_matrix import joint_effects, joints_with, matrix_html, with_joints
 from flexviz.view.effects import (
     COMMON_EFFECTS,
@@ -26,7 +28,7 @@ from flexviz.view.fit_charts import (
     sweep_html,
 )
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, offered_curve, physical
-from flexviz.view.law_charts import law_chart, law_charts, law_difference
+from flexviz.view.law_charts import law_charts
 from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
 from flexviz.view.own_robot import (
     OWN_SIGNALS,
@@ -63,7 +65,6 @@ from flexviz.view.staircase import (
     model_runs,
     name_with_error,
     run_name,
-    staircase_chart,
     staircase_charts,
     staircase_html,
 )
@@ -88,7 +89,6 @@ from flexviz.view.tables import (
     truth_values,
 )
 from flexviz.view.time_charts import (
-    evidence_chart,
     numbers_html,
     observer_for,
     signal_residual,

@@ -9,6 +9,7 @@ from flexviz.view.effects import addable_effects
 from flexviz.wording import effect_title, escape, short_names
 
 OWN, ADDED = "●", "✓"
+SHORT_HEAD = 3  # characters of the head of a column that is not set upright
 
 
 def joint_effects() -> tuple[str, ...]:
@@ -44,11 +45,24 @@ def matrix_html(own: Sequence[str], added: Sequence[str], joints: Sequence[str])
         cells = (OWN if joint in fixed else ADDED if joint in ticked else "·" for joint in joints)
         row = "".join(f"<td>{cell}</td>" for cell in cells)
         rows.append(f"<tr><td>{escape(effect_title(name))}</td>{row}</tr>")
-    head = "".join(
-        f'<th title="{escape(joint)}">{escape(short)}</th>'
-        for joint, short in zip(joints, short_names(tuple(joints)), strict=True)
-    )
+    head, tall = joint_heads(joints)
     return (
-        f'<div class="fv"><table class="fv-table fv-heat fv-matrix"><tr><th></th>{head}</tr>{"".join(rows)}'
-        f'</table><div class="fv-dim">{ADDED} in the model, {OWN} named by the set.</div></div>'
+        f'<div class="fv"><table class="fv-table fv-heat fv-matrix{tall}"><tr><th></th>{head}</tr>'
+        f"{''.join(rows)}</table>"
+        f'<div class="fv-dim">{ADDED} in the model, {OWN} named by the set.</div></div>'
     )
+
+
+def joint_heads(joints: Sequence[str]) -> tuple[str, str]:
+    """The heads of a column for each joint, and the class of a table in which they are set upright.
+
+    Numbers if the joints' names differ in nothing else, otherwise short names.
+    """
+    stems = [joint.rstrip("0123456789") for joint in joints]
+    numbers = [joint.removeprefix(stem) for joint, stem in zip(joints, stems, strict=True)]
+    heads = numbers if len(set(stems)) == 1 and all(numbers) else short_names(tuple(joints))
+    cells = (
+        f'<th title="{escape(joint)}">{escape(short)}</th>'
+        for joint, short in zip(joints, heads, strict=True)
+    )
+    return "".join(cells), " fv-tall" if max(map(len, heads)) > SHORT_HEAD else ""

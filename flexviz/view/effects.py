@@ -87,7 +87,7 @@ def by_title(names: Iterable[str]) -> dict[str, str]:
 def why_fixed(effect: str, own: Iterable[str], payloads: bool) -> str:
     """The reason why an effect can be neither added nor removed; empty if it can."""
     if effect in own:
-        return "the measurement set names it, so it stays in"
+        return "part of the measurement set, stays in"
     if EFFECTS[effect].scope == "payload" and not payloads:
         return "the set's groups carry no payload"
     return ""
@@ -98,15 +98,15 @@ def effects_note(names: Iterable[str], own: Iterable[str]) -> str:
     chosen = tuple(dict.fromkeys(name.partition(":")[0] for name in (*own, *names)))
     notes = []
     if own:
-        notes.append(f"{', '.join(map(effect_text_name, own))}: named by the measurement set, stays in.")
+        notes.append(f"{', '.join(map(effect_text_name, own))}: part of the measurement set, stays in.")
     for name in chosen:
         effect = EFFECTS[name]
         if effect.replaces in chosen:
-            notes.append(f"{effect.title} takes the place of {effect_title(effect.replaces)}.")
+            notes.append(f"{effect.title} replaces {effect_title(effect.replaces)}.")
         if effect.beside is not None and not any(
             other == effect.beside or EFFECTS[other].replaces == effect.beside for other in chosen
         ):
-            notes.append(f"{effect.title} makes sense beside {effect_title(effect.beside)}.")
+            notes.append(f"{effect.title} needs {effect_title(effect.beside)} in the model, too.")
     return " ".join(notes)
 
 
@@ -156,8 +156,8 @@ def verdict_html(
     """The verdict in its box, with notes and warnings; `spread` is that of the joints' torque [Nm]."""
     if diagnosis is None:
         return (
-            '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it if '
-            "necessary, examines the residual, and tries every known effect.</div>"
+            '<div class="fv fv-dim">Fits the model and tries every known effect on what it leaves '
+            "unexplained.</div>"
         )
     worst, left = what_stays(joints, diagnosis.steps[-1] if diagnosis.steps else None, spread)
     skipped = (*(SAID_AS_SHARES if spread else ()), *(["free-curve"] if diagnosis.free_curve else []))
@@ -217,7 +217,7 @@ def finding_html(merged: MergedFinding[Finding], rank: int, full: bool, joints: 
     absorbed = moved(members)
     if full and absorbed:
         named = escape(absorbed_list(absorbed))
-        lines.append(f'<div class="fv-dim">Was absorbed by other parameters: {named}.</div>')
+        lines.append(f'<div class="fv-dim">Other parameters had absorbed it: {named}.</div>')
     mark = " fv-likely" if likely >= LIKELY else ""
     return f'<div class="fv fv-finding{mark}">{"".join(lines)}</div>'
 
@@ -241,7 +241,7 @@ def trace_html(diagnosis: Diagnosis | None, joints: Sequence[str] = ()) -> str:
         f"<td>{escape(move.why)}</td></tr>"
         for move in moves
     )
-    decoys = "" if diagnosis.decoys is None else f"<p>{capitalised(decoys_text(*diagnosis.decoys))}.</p>"
+    decoys = "" if diagnosis.decoys is None else f"<p>{capitalised(decoys_text(diagnosis.decoys))}.</p>"
     return (
         f'<div class="fv"><details class="fv-card"><summary>{TRACE_TITLE}</summary>'
         f'<table class="fv-table fv-left"><tr><th>move</th><th title="{DECREASE}">Δ [nats]</th><th></th></tr>'

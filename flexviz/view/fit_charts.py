@@ -21,7 +21,7 @@ from flexviz.charts import (
     no_chart,
 )
 from flexviz.identification import Identification, SweepResult
-from flexviz.progress import Iteration
+from flexviz.iteration import Iteration
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import SYMBOLS, JointErrors, escape, number
 

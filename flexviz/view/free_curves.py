@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon, no_chart
-from flexviz.diagnosis import Diagnosis, FreeCurve
+from flexviz.diagnosis import Diagnosis
 from flexviz.effects import EFFECTS, free_curve
-from flexviz.identification import ParameterEstimate
-from flexviz.results import curve_tables
+from flexviz.records import FreeCurve, ParameterEstimate, curve_tables
 from flexviz.statistics import NORMAL_95
 from flexviz.view.residuals import CURVES, FREE
 from flexviz.wording import escape, number

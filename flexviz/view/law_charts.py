@@ -1,56 +1,14 @@
-"""The law of an effect through its data, as a chart: the proof of a finding."""
+"""The laws of effects through their data, as charts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
-from flexviz.charts import COLOURS, PREFIXES, Chart, ChartAxis, ChartSeries, Ribbon, limits
+from flexviz.charts import Chart
 from flexviz.diagnosis import Diagnosis
-from flexviz.laws import LawThroughData
-from flexviz.statistics import NORMAL_95
-from flexviz.wording import capitalised, effect_title, lower, percent
+from flexviz.laws import LawThroughData, law_chart
 
-LARGE, SMALL = 320, 200  # [px] height of the first chart and of the others
-EDGE = 0.15  # of the height: free above and below data and law, where wide intervals are cut off
-
-
-def law_chart(law: LawThroughData, height: int = LARGE) -> Chart:
-    """Binned partial residuals as points and the law as a line, both with their 95 % intervals."""
-    largest = float(np.abs(law.law).max(initial=0.0))
-    factor, prefix = next(((f, p) for f, p in PREFIXES if largest * f >= 0.1), PREFIXES[-1])
-    factor, prefix = (factor, prefix) if law.quantity_unit == "rad" else PREFIXES[0]
-    at, drawn, std = law.line
-    data, line = factor * law.data, factor * drawn
-    data_half, law_half = NORMAL_95 * factor * law.data_std, NORMAL_95 * factor * std
-    title = effect_title(law.effect)
-    place = law.joint + (f", {law.group}" if law.group else "") + (f", {law.payload}" if law.payload else "")
-    ribbons = (
-        Ribbon("± 95 %", COLOURS.measured, law.at, data - data_half, data + data_half),
-        Ribbon("", COLOURS.model, at, line - law_half, line + law_half),
-    )
-    return Chart(
-        f"law:{law.effect}:{place}",
-        f"{title} of {place}: its law through the data",
-        ChartAxis(law.variable, law.unit),
-        ChartAxis(law.quantity, f"{prefix}{law.quantity_unit}", limits=limits([data, line], EDGE)),
-        (
-            ChartSeries("law", COLOURS.model, at, line, 2.6),
-            ChartSeries("data", COLOURS.measured, law.at, data, 0.0, points=True),
-        ),
-        tuple(ribbon for ribbon in ribbons if (ribbon.high > ribbon.low).any()),
-        description=f"{capitalised(law.quantity)} against the {law.variable}, in {len(law.at)} bins: what "
-        f"the model leaves and the law of {lower(title)} together. Data and law differ by "
-        f"{law_difference(law)} of the law.",
-        height=height,
-    )  # fmt: skip
-
-
-def law_difference(law: LawThroughData) -> str:
-    """Rms of data − law in per cent of the law's rms."""
-    off = np.sqrt(np.mean((law.data - law.law) ** 2)) / max(np.sqrt(np.mean(law.law**2)), 1e-300)
-    return percent(float(off))
+SMALL = 200  # [px] height of all charts but the first
 
 
 def law_charts(
@@ -61,4 +19,4 @@ def law_charts(
     for law in (*(one.law for one in (diagnosis.findings if diagnosis else ())), *(model or ())):
         if law is not None and law.joint == joint and len(law.at) > 1:
             found.setdefault(law_chart(law).key, law)
-    return tuple(law_chart(law, LARGE if k == 0 else SMALL) for k, law in enumerate(found.values()))
+    return tuple(law_chart(law, SMALL) if k else law_chart(law) for k, law in enumerate(found.values()))

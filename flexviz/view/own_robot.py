@@ -8,7 +8,7 @@ from contextlib import suppress
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS
 from flexviz.errors import InputError
-from flexviz.importing import ColumnPreview, Draft, Fix, Issue, LogPreview
+from flexviz.importing import ColumnPreview, Draft, Issue, LogPreview, Proposal
 from flexviz.importing import Mapping as LogMapping
 from flexviz.wording import escape, listed, number, plural
 
@@ -119,23 +119,30 @@ def _doubt(issue: Issue) -> str:
     return f"{start}: {issue}"
 
 
-def remedy_text(fixes: Sequence[Fix]) -> str:
-    """What a button that applies these fixes says: "θ of joint1, joint2: unit deg"."""
+def remedy_text(remedies: Sequence[Proposal]) -> str:
+    """What a button that sets these keys says: "θ of joint1, joint2: unit deg", "gravity = [9.81, 0, 0]"."""
     changes: dict[tuple[str, str], list[str]] = {}
-    for fix in fixes:
-        symbol = OWN_SIGNALS.get(fix.signal, fix.signal)
-        joints = changes.setdefault((symbol, _change_text(fix)), [])
-        joints += [] if fix.joint in joints else [fix.joint]
-    return "; ".join(f"{symbol} of {', '.join(joints)}: {what}" for (symbol, what), joints in changes.items())
+    others = []
+    for one in remedies:
+        if one.place[:1] != ("joints",):
+            others.append(str(one))
+            continue
+        _, joint, signal = one.place
+        joints = changes.setdefault((OWN_SIGNALS.get(signal, signal), _change_text(one)), [])
+        joints += [] if joint in joints else [joint]
+    texts = [f"{symbol} of {', '.join(joints)}: {what}" for (symbol, what), joints in changes.items()]
+    return "; ".join([*texts, *others])
 
 
-def _change_text(fix: Fix) -> str:
-    if fix.key == "side":
-        return "before the gear" if fix.value == "motor" else "behind the gear"
-    if fix.key == "sign":
-        return "sign +" if fix.value == 1 else "sign −"
-    value = number(float(fix.value)) if isinstance(fix.value, float) else fix.value
-    return f"{KEYS.get(fix.key, fix.key)} {value}"
+def _change_text(one: Proposal) -> str:
+    if one.key == "side":
+        return "before the gear" if one.value == "motor" else "behind the gear"
+    if one.key == "sign":
+        return "sign +" if one.value == 1 else "sign −"
+    if isinstance(one.value, bool):
+        return one.text
+    value = number(float(one.value)) if isinstance(one.value, float) else one.value
+    return f"{KEYS.get(one.key, one.key)} {value}"
 
 
 def own_files_html(

@@ -57,7 +57,7 @@ def poles_text(poles: Poles) -> str:
 def _picture(kinds: tuple[Poles, ...], bandwidth: float) -> str:
     """Crosses for θ and rings for τ, which the page's script lets drag; the unstable half-plane is tinted."""
     zero, middle = place_of(0j, bandwidth)
-    ink = "var(--mantine-color-text)"
+    ink = "var(--fv-text)"
     parts = [
         f'<svg class="fv-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" font-size="11" fill="{ink}">'
         f"<title>Poles of θ {escape(poles_text(kinds[0]))} rad/s; drag one</title>"

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from flexviz.arrays import Array, Bools
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb
-from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN, PredictionErrors, ResidualMap, Step
+from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN, PredictionErrors, Step
 from flexviz.identification import Identification
+from flexviz.records import ResidualMap
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import JointErrors, escape, number, short_names, stated_errors
 
@@ -32,7 +33,7 @@ FREE = "free"
 HEIGHT = 150  # [px] in the app
 SPECTRUM_FLOOR = 1e-9  # [Nm/√Hz] smallest value drawn on a logarithmic axis
 MIN_NOTABLE_SHARE = 0.05  # of a residual: smaller shares are not highlighted
-BRIGHT_SHARE = 0.5  # of the colour of a cell, above which its text is black in either theme
+BRIGHT_SHARE = 0.87  # of the colour of a cell, above which black reads better on it than white
 MAX_DOTS = 40  # a line with more bins has no dots
 CURVES = tuple(zip((COLOURS.residual, COLOURS.model, COLOURS.measured, COLOURS.torque), DASHES, strict=True))
 EMPTY = (
@@ -62,7 +63,7 @@ def map_html(maps: Sequence[ResidualMap], joints: Sequence[str], chosen: int = 0
     return (
         '<div class="fv"><b>Share of the residual that each variable explains</b>'
         f'<table class="fv-table fv-heat"><tr><th></th>{head}</tr>{"".join(rows)}</table>'
-        '<div class="fv-dim">Of the present model, out of sample: noise scores 0. '
+        '<div class="fv-dim">Out of sample: mere noise scores 0 %. '
         "pos.±: position and direction.</div></div>"
     )
 
@@ -261,9 +262,9 @@ def groups_html(
     if errors is None or not errors.groups:
         return ""
     cells = []
-    for group, rms, _ in errors.groups[:MAX_GROUPS]:
-        one = JointErrors(rms, errors.noise_floor, spread)
+    for group in errors.groups[:MAX_GROUPS]:
+        one = JointErrors(group.rms, errors.noise_floor, spread)
         tip = f'class="fv-joint fv-tip" title="{one.hover(joint)}"'
-        cells.append(f"<span {tip}>{escape(group)} <b>{number(one.of(joint), 3)}</b></span>")
+        cells.append(f"<span {tip}>{escape(group.name)} <b>{number(one.of(joint), 3)}</b></span>")
     unit = stated_errors(errors, spread).unit
     return f'<div class="fv">Error of {escape(name)} [{unit}]: {", ".join(cells)}.</div>'

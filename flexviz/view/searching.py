@@ -9,14 +9,13 @@ import numpy as np
 
 from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, rgb, thin
 from flexviz.diagnosis import BestModel
-from flexviz.laws import LawThroughData
-from flexviz.view.law_charts import law_chart
+from flexviz.laws import LawThroughData, law_chart
+from flexviz.view.effect_matrix import joint_heads
 from flexviz.view.residuals import BRIGHT_SHARE
-from flexviz.wording import effect_text_name, effect_title, escape, plural, short_names
+from flexviz.wording import effect_text_name, effect_title, escape, plural
 
 MOST_ROWS = 10  # of the matrix
 SMALLEST = 0.005  # share of the error below which an effect has no row
-SHORT_HEAD = 3  # characters of the head of a column that is not set upright
 HEIGHT = 200  # [px] of the residual
 MARGIN = 1.05  # times the first residual: end of the axis
 NOW, FIRST = "with the leading candidate", "the model so far"
@@ -53,12 +52,7 @@ def alone_html(alone: Mapping[str, float], leading: Sequence[str], joints: Seque
         name = escape(effect_text_name(row) if "" in places[row] else effect_title(row))
         return f'<tr><td title="{name}">{name}</td>{cells(row)}</tr>'
 
-    heads = _heads(tuple(joints))
-    head = "".join(
-        f'<th title="{escape(joint)}">{escape(short)}</th>'
-        for joint, short in zip(joints, heads, strict=True)
-    )
-    tall = " fv-tall" if max(map(len, heads)) > SHORT_HEAD else ""
+    head, tall = joint_heads(joints)
     left = len(places) - len(shown)
     more = f" {plural(left, 'more effect')} would remove less." if left else ""
     return (
@@ -67,13 +61,6 @@ def alone_html(alone: Mapping[str, float], leading: Sequence[str], joints: Seque
         f"{''.join(map(line, shown))}</table>"
         f'<div class="fv-dim">Estimated. ✓: in the leading candidate.{more}</div></div>'
     )
-
-
-def _heads(joints: tuple[str, ...]) -> list[str]:
-    """Numbers of the joints if their names differ in nothing else, otherwise short names."""
-    stems = [joint.rstrip("0123456789") for joint in joints]
-    numbers = [joint.removeprefix(stem) for joint, stem in zip(joints, stems, strict=True)]
-    return numbers if len(set(stems)) == 1 and all(numbers) else short_names(joints)
 
 
 def _cell(share: float | None, name: str, leading: bool, columns: int = 1) -> str:

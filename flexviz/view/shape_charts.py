@@ -16,6 +16,7 @@ from flexviz.view.time_charts import model_torque
 PHASE_POINTS = 500  # per line
 LONGEST_WINDOW = 8.0  # [s] of a spectrum
 HIGHEST_DRAWN = 40.0  # [Hz]; the observers' bands end far below
+LEAST_WRITTEN = 1e-3  # value at an axis; smaller ones are written as 0
 LEAST_DENSITY = 1e-6  # of the largest, drawn on a logarithmic axis
 HEIGHT = 230  # [px]
 
@@ -65,6 +66,9 @@ def _spectra(name: str, lines: list[Line]) -> Chart:
         top = max(top, float(density.max(initial=0.0)))
         density = np.maximum(density, LEAST_DENSITY * top or LEAST_DENSITY)
         series.append(ChartSeries(label, colour, hertz, density))
-    series = [replace(one, y=1e3 * one.y) for one in series]  # the same unit for every model
-    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", "mNm/√Hz", logarithmic=True)
+    # the unit is that of the measured torque: the same for every model
+    least = LEAST_DENSITY * float(series[0].y.max(initial=0.0))
+    factor, unit = (1.0, "Nm/√Hz") if least >= LEAST_WRITTEN else (1e3, "mNm/√Hz")
+    series = [replace(one, y=factor * one.y) for one in series]
+    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", unit, logarithmic=True)
     return Chart("spectrum", f"Spectrum of the torque, {name}", x, y, tuple(series), height=HEIGHT)

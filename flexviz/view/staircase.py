@@ -4,35 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexviz import wording
-from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
+from flexviz.charts import Chart, no_chart
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.effects import free_curve
-from flexviz.identification import ParameterEstimate
+from flexviz.records import ParameterEstimate
+from flexviz.results import noise_floor, staircase_chart
 from flexviz.session import Analysis, ModelStep
 
 NO_STEPS = (
     "The error of every group after each added effect appears here, with the noise floor: "
     "press Find the missing effect (step 4, Diagnose), then Add and refit."
 )
-COMPARED_IN = (
-    f"Rms residual below {BAND_HERTZ:g} Hz, as in the status line and the report; the same for every "
-    "model and observer"
-)
-HELD_OUT = "validation"
+COMPARED_IN = f"Error: rms residual below {BAND_HERTZ:g} Hz, the same measure for every model and observer"
 KEY = (
     '<div class="fv-stair-key"><span class="fit"></span> fit <span class="held"></span> validation '
     "┊ noise floor</div>"
 )
-MAX_GROUPS = 10  # drawn
-NOT_PHYSICS = "hatched: not physics"
-HATCH_POINTS = 26  # of the zigzag in a hatched step
 RISE = 1.01  # times the error before, from which a row is said to rise
-ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,32 +36,6 @@ class StaircaseRun:
     errors: PredictionErrors
     after: int  # -1: before every diagnosis
     shown: bool
-
-
-def step_errors(
-    steps: Sequence[Step], joint: int | None, spread: Sequence[float] = ()
-) -> dict[str, tuple[list[float], bool]]:
-    """Name -> (error at each step, held out?) of every group; fit and validation if groups are unknown.
-
-    Of one joint or over all (None), in the unit of `wording.JointErrors`.
-    """
-
-    def value(step: Step, row: Sequence[float]) -> float:
-        return wording.JointErrors(row, step.noise_floor, spread).of(joint)
-
-    if all(step.groups for step in steps):
-        names = [(name, held_out) for name, _, held_out in steps[-1].groups]
-        found: dict[str, tuple[list[float], bool]] = {}
-        for name, held_out in names[:MAX_GROUPS]:
-            rows = [next((row for other, row, _ in step.groups if other == name), None) for step in steps]
-            if all(row is not None for row in rows):
-                pairs = zip(steps, rows, strict=True)
-                found[name] = [value(step, row) for step, row in pairs if row is not None], held_out
-        return found
-    found = {"fit": ([value(step, step.rms) for step in steps], False)}
-    if all(step.rms_validation is not None for step in steps):
-        found[HELD_OUT] = [value(step, step.rms_validation or ()) for step in steps], True
-    return found
 
 
 def staircase_charts(
@@ -111,78 +78,6 @@ def name_with_error(name: str, errors: Step | PredictionErrors | None, spread: S
     return f"{name} ({wording.stated_errors(errors, spread).short()})"
 
 
-def staircase_chart(
-    steps: Sequence[Step],
-    joint: int | None = None,
-    name: str = "",
-    ticks: Sequence[str] = (),
-    spread: Sequence[float] = (),
-    hatched: Sequence[int] | None = None,
-) -> Chart:
-    """The error after each added effect, of one joint or over all (None); `ticks` name the steps.
-
-    In the unit of `wording.JointErrors`; `spread` of the torque, shape (n,) [Nm]. Steps that add a free curve
-    are hatched: `hatched`, by default those whose step says so.
-    """
-    if hatched is None:
-        hatched = [k for k, step in enumerate(steps) if step.added is not None and step.added.stopgap]
-    floors = [_floor(step, spread) for step in steps]
-    x, unit = np.arange(float(len(steps))), floors[-1].unit
-    errors = step_errors(steps, joint, spread)
-    bright = COLOURS.series[:6]
-    series = [
-        ChartSeries(
-            f"{group} (validation)" if held_out and group != HELD_OUT else group,
-            bright[k % len(bright)],
-            x,
-            np.maximum(values, ERROR_FLOOR),
-            2.6 if held_out else 1.6,
-            DASHED if held_out else DASHES[0 if k < len(bright) else 3],
-            points=len(steps) == 1,
-            steps=True,
-        )
-        for k, (group, (values, held_out)) in enumerate(errors.items())
-    ]
-    if all(step.noise_floor for step in steps):
-        low = [floor.of(joint) for floor in floors]
-        if np.isfinite(low).all():
-            floor = np.maximum(low, ERROR_FLOOR)
-            series.append(ChartSeries("noise floor", COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
-    if hatched:
-        series = hatch(series, hatched)
-    fell = (
-        f"{group} from {wording.number(values[0], 3)} to {wording.number(values[-1], 3)} {unit}"
-        for group, (values, _) in errors.items()
-    )
-    whose = "of all joints" if joint is None else f"of {name}"
-    return Chart(
-        "all" if joint is None else "joint",
-        f"Error after each added effect, {whose.removeprefix('of ')}",
-        ChartAxis(
-            "step",
-            limits=(-0.5, len(steps) - 0.5),
-            ticks=tuple(enumerate(ticks or [str(k) for k in range(len(steps))])),
-            whole=True,
-        ),
-        ChartAxis("rms residual", unit, logarithmic=True),
-        tuple(series),
-        description=f"{'; '.join(fell)}.",
-        height=230,
-    )
-
-
-def hatch(series: Sequence[ChartSeries], hatched: Sequence[int]) -> list[ChartSeries]:
-    """Lines of steps with a hatch in some of them, as a line of its own below the others."""
-    count = len(series[0].x)
-    edges = [np.linspace(k - 0.5, k + 0.5, HATCH_POINTS if k in hatched else 2) for k in range(count)]
-    widths, x = [len(edge) for edge in edges], np.concatenate(edges)
-    lines = [replace(one, x=x, y=np.repeat(one.y, widths), steps=False) for one in series]
-    low, high = np.min([line.y for line in lines], axis=0), np.max([line.y for line in lines], axis=0)
-    odd = np.concatenate([np.arange(width) % 2 == 1 for width in widths])
-    inside = np.repeat([k in hatched for k in range(count)], widths)
-    return [ChartSeries(NOT_PHYSICS, COLOURS.reference, x, np.where(odd & inside, low, high), 0.8), *lines]
-
-
 def is_stopgap(text: str) -> bool:
     """Whether an effect, by its text, is a free curve."""
     return free_curve(text) is not None
@@ -215,7 +110,7 @@ def staircase_html(
     placed = 0  # models whose runs are in the table
     for count, (name, texts, last) in enumerate(model_runs(model_steps, joints) if model_steps else ()):
         own = [wording.effect_text_name(text) for text in model_steps[0].effects]
-        what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
+        what = f"+ {name}" if texts else ", ".join(own) or "no effect added"
         found = "".join(f"<div>{wording.escape(text)}</div>" for text in effect_values(texts, parameters))
         label = f"{count}. {wording.escape(what)}"
         if last == shown and not any(run.shown for run in runs):
@@ -232,7 +127,7 @@ def staircase_html(
     rows = table.rows
     last_step = next((run.errors for run in runs if run.shown), judged[len(model_steps) - 1])
     if last_step.noise_floor:
-        floor = _error_cell(_floor(last_step, spread))
+        floor = _error_cell(noise_floor(last_step, spread))
         rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
     stated = wording.stated_errors(last_step, spread)
     left = f"Largest: {wording.left_text(joints, stated)}. " if spread else ""
@@ -267,14 +162,14 @@ class _Rows:
 
 def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) -> str:
     """ "Run with Torque offset on joint1: eso, 80 rad/s"; `roles` are those of the present analysis."""
-    result, fitted = analysis.identification, analysis.fitted_settings
+    result, fitted = analysis.identification, analysis.fitted
     if result is None or fitted is None:
         return ""
     width = wording.listed([f"{w:.3g}" for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())])
     added = ", ".join(wording.text_names(fitted.effects, joints))
     return (
         f"Run{f' with {added}' if added else ''}: {result.observer_name}, {width} rad/s"
-        + (", refined" if result.refined else "")
+        + ("" if result.refined or not result.iterations else ", plain fit")
         + (", other groups" if roles not in (None, fitted.roles) else "")
     )
 
@@ -285,14 +180,9 @@ def _judged(step: Step | PredictionErrors, spread: Sequence[float]) -> list[word
     return [wording.JointErrors(row, step.noise_floor, spread) for row in rows]
 
 
-def _floor(step: Step | PredictionErrors, spread: Sequence[float]) -> wording.JointErrors:
-    """The noise floor as an error."""
-    return wording.JointErrors(step.noise_floor or step.rms, step.noise_floor, spread)
-
-
 def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, hatched: bool) -> str:
     """Bars from zero: fit above held out; the dotted line is the noise floor; of a free curve hatched."""
-    floor = _floor(step, spread).mean if step.noise_floor else math.nan
+    floor = noise_floor(step, spread).mean if step.noise_floor else math.nan
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
     bars = "".join(
         f'<span class="{kind}" style="width:{100 * one.mean / top:.2f}%"></span>'

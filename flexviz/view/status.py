@@ -17,16 +17,15 @@ from flexviz.wording import TIMES, escape, number, quantity, stated_errors
 OF_EARLIER = "of an earlier model"
 
 
-def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
-    """1 Data → 2 Observer → …, with current and completed steps marked, and a hint below."""
+def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = ()) -> str:
+    """1 Data → 2 Observer → …, with current and completed steps marked."""
     parts = []
     for number_, name in enumerate(steps, start=1):
         if name == current:
             parts.append(f'<span class="fv-now">{number_} {name} ●</span>')
         else:
             parts.append(f"<span>{number_} {name}{' ✓' if name in done else ''}</span>")
-    following = f'<div class="fv-next">{hint}</div>' if hint else ""
-    return f'<div class="fv fv-steps">{" → ".join(parts)}{following}</div>'
+    return f'<div class="fv fv-steps">{" → ".join(parts)}</div>'
 
 
 def shown_errors(
@@ -123,7 +122,7 @@ class NextStep:
 
     step: str  # of the app; may be empty
     button: str  # to press; may be empty
-    text: str  # sentence for the step line (HTML)
+    text: str  # sentence for below the status line (HTML); may be empty
 
 
 def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
@@ -144,6 +143,8 @@ def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
         return go("Identify", "run", "Run", ": the settings have changed since this model")
     if now.verdict == "earlier":
         return go("Diagnose", "find", "Find the missing effect", ": the verdict is of an earlier model")
+    if diagnosis is None and current == "Diagnose":
+        return NextStep(current, "find", "")  # the step itself says so, at the button
     if diagnosis is None:
         return go("Diagnose", "find", "Find the missing effect")
     if diagnosis.verdict == "missing" and diagnosis.findings:

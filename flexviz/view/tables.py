@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
-from flexviz.charts import COLOURS
-from flexviz.identification import Identification, ParameterEstimate
+from flexviz.identification import Identification
 from flexviz.measurements import MeasurementSet
+from flexviz.mounting import mounting_text
+from flexviz.records import ParameterEstimate
+from flexviz.results import LinkSide
 from flexviz.statistics import NORMAL_95
 from flexviz.view.free_curves import physical
 from flexviz.wording import (
@@ -24,7 +27,6 @@ from flexviz.wording import (
 )
 
 Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
-GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.playhead}
 
 
 def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
@@ -34,9 +36,13 @@ def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
     rate = "–" if not rates else f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g}–{rates[-1]:g}"
     rows = [
         ("Robot", f"{escape(measurements.robot.name)}, {plural(measurements.n, 'joint')}"),
+        *([("Mounting", mounted)] if (mounted := mounting_text(measurements.robot.gravity)) else []),
         ("Recorded", f"{plural(len(measurements.groups), 'group')}, {_minutes(measurements)}, {rate} Hz"),
-        ("Controller", "known (closed-loop replay)" if measurements.kp is not None else "not given"),
-        ("Own effects", ", ".join(plain_name(name) for name in measurements.effects) or "none"),
+        (
+            "Controller gains",
+            "given: replayed in closed loop" if measurements.kp is not None else "not given",
+        ),
+        ("Effects in the set", ", ".join(plain_name(name) for name in measurements.effects) or "none"),
     ]
     body = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
     warnings = [*measurements.warnings[:3]]
@@ -56,11 +62,12 @@ def parameters_html(result: Identification | None, truth: Truth | None = None) -
     inertial = [p for p in result.parameters if p.name in INERTIAL]
     head = "<tr><th></th><th>start</th><th>value</th><th>± 95 %</th>"
     head += ("<th>truth</th>" if truth is not None else "") + "<th>unit</th><th>id.</th></tr>"
-    parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth)}</table>']
-    legend = " ".join(f'<span style="color:{GRADE_COLOURS[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
+    encoders: dict[str | None, LinkSide] = {entry.joint: entry for entry in result.link_side}
+    parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth, encoders)}</table>']
+    legend = " ".join(f'<span class="fv-{k}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
     if not result.refined:
-        text = "± 95 % covers measurement noise only: Refine removes the observer's bias."
+        text = "± 95 % does not cover lag and droop of the filter: Refine removes the observer's bias."
         parts.append(f'<div class="fv-dim">{text}</div>')
     if len(main) + len(inertial) < len(result.parameters):
         parts.append('<div class="fv-dim">Free curves (not physics): see the plots, Where it fails.</div>')
@@ -72,7 +79,11 @@ def parameters_html(result: Identification | None, truth: Truth | None = None) -
     return "".join(parts) + "</div>"
 
 
-def _rows(parameters: Sequence[ParameterEstimate], truth: Truth | None) -> str:
+def _rows(
+    parameters: Sequence[ParameterEstimate],
+    truth: Truth | None,
+    encoders: Mapping[str | None, LinkSide] = MappingProxyType({}),
+) -> str:
     columns = 6 + (truth is not None)
     rows: list[str] = []
     joint: str | None = ""
@@ -91,8 +102,7 @@ def _rows(parameters: Sequence[ParameterEstimate], truth: Truth | None) -> str:
             known = truth.get((p.name, p.payload or p.joint))
             real = f'<td class="fv-truth">{number(None if known is None else factor * known)}</td>'
         label = SYMBOLS.get(p.name, plain_name(p.name)) + (f", {p.payload}" if p.payload else "")
-        colour = GRADE_COLOURS.get(p.identifiable, "#999999")
-        mark = f'<span style="color:{colour}">{MARKS.get(p.identifiable, "")}</span>'
+        mark = f'<span class="fv-{escape(p.identifiable)}">{MARKS.get(p.identifiable, "")}</span>'
         flag = " ⚑" if p.at_bound else ""
         rows.append(
             f'<tr title="{escape(plain_name(p.name))}"><td>{escape(label)}{flag}</td>'
@@ -100,10 +110,20 @@ def _rows(parameters: Sequence[ParameterEstimate], truth: Truth | None) -> str:
             f"<td><b>{value}</b></td><td>{error}</td>{real}<td>{escape(unit)}</td>"
             f"<td>{mark} {escape(p.identifiable)}</td></tr>"
         )
+        if p.name == "stiffness" and (seen := encoders.get(p.joint)):
+            style = "fv-tied" if seen.agrees else "fv-tied fv-warn"
+            text = escape(f"link encoder: {seen.text}")
+            rows.append(f'<tr class="{style}"><td colspan="{columns}">↳ {text}</td></tr>')
         if p.tied_to:
-            names = ", ".join(escape(name) for name in p.tied_to[:4]) + (" …" if len(p.tied_to) > 4 else "")
+            names = escape(", ".join(map(_tied, p.tied_to[:4]))) + (" …" if len(p.tied_to) > 4 else "")
             rows.append(f'<tr class="fv-tied"><td colspan="{columns}">↳ tied to {names}</td></tr>')
     return "".join(rows)
+
+
+def _tied(name: str) -> str:
+    """ "motor_viscous_friction:joint1" as "f_mv of joint1"."""
+    parameter, _, place = name.partition(":")
+    return SYMBOLS.get(parameter, plain_name(parameter)) + (f" of {place}" if place else "")
 
 
 def truth_values(document: dict[str, Any]) -> Truth:

@@ -1,4 +1,4 @@
-"""Charts over time of one joint: torque and residual, the observer's states, evidence for a finding."""
+"""Charts over time of one joint: torque and residual, the observer's states."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.arrays import Array, Bools
-from flexviz.charts import COLOURS, DASHED, Chart, ChartAxis, ChartSeries, no_chart, thin, time_chart
-from flexviz.diagnosis import Finding
+from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, no_chart, thin, time_chart
 from flexviz.identification import Identification
 from flexviz.measurements import Group, Segment
 from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.scene import RobotMotion
 from flexviz.view.residual_time import BeforeAfter, over_time, residual_chart
 from flexviz.view.residuals import left_out
-from flexviz.wording import finding_name, number
+from flexviz.wording import number
 
 SIGNAL_HEIGHT, STATE_HEIGHT = 200, 150  # [px]
 MAX_FILTERED = 100_000  # samples filtered for a chart
@@ -27,7 +26,6 @@ THETA_STATES = (
     ("theta3", "θ⃛", "rad/s³"),
     ("theta4", "θ⁗", "rad/s⁴"),
 )  # key, title, unit
-EVIDENCE = "evidence"
 
 
 def torque(group: Group, joint: int) -> tuple[Array, Array]:
@@ -221,48 +219,3 @@ def numbers_html(observer: Observer, step: float) -> str:
         "<th>θ</th><th>1st</th><th>2nd</th><th>3rd</th><th>4th</th></tr>"
         f'<tr><td class="fv-dim">1/sᵏ</td>{gains}</tr></table></div>'
     )
-
-
-def evidence_chart(finding: Finding | None, group: str = "", height: int = 190) -> Chart:
-    """The residual before an effect was added and the part that the effect explains, in `group`.
-
-    If the evidence does not contain `group`, the group in which the effect explains most is shown.
-    """
-    if finding is None:
-        return no_chart(EVIDENCE)
-    evidence = finding.evidence
-    if evidence is None or not len(evidence.time):
-        return no_chart(EVIDENCE, "No evidence is kept for this finding.")
-    spans = {name: slice(first, last) for name, first, last in evidence.groups}
-    chosen = group if group in spans else max(spans, key=lambda name: _power(evidence.signature[spans[name]]))
-    rows = spans[chosen]
-    time, residual = np.asarray(evidence.time[rows]), np.asarray(evidence.residual[rows])
-    signature = np.asarray(evidence.signature[rows])
-    if len(time) < 2:
-        return no_chart(EVIDENCE)
-    name = finding_name(finding)
-    chart = time_chart(
-        EVIDENCE,
-        f"Evidence for {name}, {chosen}",
-        "Nm",
-        time,
-        [
-            ("residual without the effect", COLOURS.residual, residual),
-            ("explained by the effect", COLOURS.model, signature),
-        ],
-        height=height,
-    )
-    before, after = (number(_power(values) ** 0.5, 3) for values in (residual, residual - signature))
-    return replace(
-        chart,
-        x=ChartAxis(f"time in group {chosen}", "s"),
-        y=replace(chart.y, label=f"torque on {evidence.joint}"),
-        series=(chart.series[0], replace(chart.series[1], dash=DASHED)),
-        description=f"Group {chosen}: the residual of {evidence.joint} before the effect was added "
-        f"({before} Nm rms) and the part that the effect explains; {after} Nm rms remain.",
-        playhead=False,
-    )
-
-
-def _power(values: Array) -> float:
-    return float(np.mean(np.square(values))) if len(values) else 0.0

@@ -47,6 +47,7 @@ from flexviz.wording.findings import (
     values_text,
     where_text,
 )
+from flexviz.wording.glossary import GLOSSARY, Term, with_terms
 from flexviz.wording.merging import (
     LIKELY,
     Families,
@@ -82,7 +83,7 @@ from flexviz.wording.numbers import (
     temperature_text,
     unit_text,
 )
-from flexviz.wording.records import ParameterLike
+from flexviz.wording.records import ErrorsLike
 from flexviz.wording.shares import finding_key, found_shares, step_shares
 from flexviz.wording.stages import STAGE_SHARES, SearchStage
 from flexviz.wording.trace import TRACE_TITLE, decoys_text, told_moves

@@ -62,7 +62,7 @@ def relation_text(effect: Effect) -> str:
     """Which effect this one requires or replaces on its joint; empty if neither."""
     parts = []
     if effect.beside:
-        parts.append(f"Only beside {effect.beside}.")
+        parts.append(f"Only together with {effect.beside}.")
     if effect.replaces:
         parts.append(f"Replaces {effect.replaces} on its joint.")
     return " ".join(parts)

@@ -67,9 +67,13 @@ class JointErrors:
 
     @cached_property
     def values(self) -> list[float]:
-        """The error of each joint in `unit`; NaN where it has none."""
+        """The error of each joint in `unit`; NaN where it has none, or no torque."""
         if self.unit == TIMES:
-            return normalised(self.rms, self.floor)
+            times, known = normalised(self.rms, self.floor), len(self.spread) == len(self.rms)
+            return [
+                math.nan if known and not self.spread[j] and not self.rms[j] else value
+                for j, value in enumerate(times)
+            ]
         return self.shares if self.unit == PERCENT else list(self.rms)
 
     @cached_property

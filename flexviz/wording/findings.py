@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from flexviz.effects import EFFECTS, free_curve
+from flexviz.records import Absorbed, CandidateEffect, EffectParameter, Family, FoundEffect, Tie
 from flexviz.statistics import NORMAL_95
 from flexviz.wording.numbers import (
     listed,
@@ -16,14 +17,13 @@ from flexviz.wording.numbers import (
     si_scale,
     unit_text,
 )
-from flexviz.wording.records import AbsorbedLike, FamilyLike, FindingLike, NamedLike, TieLike, ValueLike
 
 FAMILY_TITLES = {
     "dry_friction": "dry friction",
     "constant_torque": "a constant torque",
     "torque_scale": "torque scale or load-dependent friction",
 }
-UNTOLD = "which kind, these data do not tell"
+UNTOLD = "these data do not tell which kind"
 ALONG = {
     "position": "the position",
     "velocity": "the velocity",
@@ -43,7 +43,7 @@ def family_title(name: str) -> str:
     return FAMILY_TITLES.get(name, plain_name(name))
 
 
-def tied_family(finding: NamedLike) -> FamilyLike | None:
+def tied_family(finding: FoundEffect) -> Family | None:
     """The family that a finding stands for; None if the data tell which of its members acts."""
     return finding.family if finding.family is not None and finding.family.tied else None
 
@@ -65,23 +65,23 @@ def where_text(joint: str | None, payload: str | None = None, group: str | None 
     return text + (f" in group {group}" if group else "")
 
 
-def finding_title(finding: NamedLike) -> str:
+def finding_title(finding: FoundEffect) -> str:
     """ "Coulomb friction"; "Dry friction" where the data do not tell which kind."""
     family = tied_family(finding)
     return effect_title(finding.effect) if family is None else capitalised(family_title(family.name))
 
 
-def finding_name(finding: NamedLike) -> str:
+def finding_name(finding: FoundEffect) -> str:
     """ "Coulomb friction on joint2"; "Dry friction on joint2" where the data do not tell which kind."""
     return finding_title(finding) + where_text(finding.joint, finding.payload, finding.group)
 
 
-def member_name(finding: NamedLike) -> str:
+def member_name(finding: FoundEffect) -> str:
     """ "Coulomb friction on joint2", also where it stands for a family."""
     return effect_title(finding.effect) + where_text(finding.joint, finding.payload, finding.group)
 
 
-def kinds_text(finding: NamedLike) -> str:
+def kinds_text(finding: FoundEffect) -> str:
     """Of a tied family: the kinds that are alike in the data, and which of them the model contains."""
     family = tied_family(finding)
     if family is None:
@@ -89,7 +89,7 @@ def kinds_text(finding: NamedLike) -> str:
     kinds = [effect_title(name) for name in family.members]
     titles = [title if k == 0 else lower(title) for k, title in enumerate(kinds)]
     alike = f"Alike in these data: {listed(titles)}. " if len(titles) > 1 else ""
-    return f"{alike}The model has {lower(effect_title(finding.effect))}, the simplest."
+    return f"{alike}The model uses the simplest, {lower(effect_title(finding.effect))}."
 
 
 def lower(title: str) -> str:
@@ -98,10 +98,11 @@ def lower(title: str) -> str:
     return title if title.startswith(names) else title[:1].lower() + title[1:]
 
 
-def confidence_of(finding: NamedLike) -> float:
+def confidence_of(finding: FoundEffect) -> float:
     """Confidence of what a finding says: of its family where the data do not tell which kind."""
     family = tied_family(finding)
-    return (finding.confidence or 0.0) if family is None else family.confidence
+    sure = finding.confidence if family is None else family.confidence
+    return 0.0 if math.isnan(sure) else sure
 
 
 def effect_text_name(text: str, family: str = "") -> str:
@@ -121,7 +122,7 @@ def share_text(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def values_text(finding: FindingLike) -> str:
+def values_text(finding: CandidateEffect) -> str:
     """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals; of a free curve its range and its extremes."""
     if free_curve(finding.effect) is not None:
         return curve_text(list(finding.parameters.values()))
@@ -129,7 +130,7 @@ def values_text(finding: FindingLike) -> str:
     return ", ".join(f"{plain_name(name)} {value_text(finding.effect, name, one)}" for name, one in values)
 
 
-def value_text(effect: str, name: str, found: ValueLike) -> str:
+def value_text(effect: str, name: str, found: EffectParameter) -> str:
     """ "3.000 ± 0.012 Nm", with the 95 % interval; "not determined" where that exceeds the allowed range."""
     bounds = (
         next((p for p in EFFECTS[effect].parameters if p.name == name), None) if effect in EFFECTS else None
@@ -139,7 +140,7 @@ def value_text(effect: str, name: str, found: ValueLike) -> str:
     return measured(found.value, found.std, found.unit)
 
 
-def curve_text(values: Sequence[ValueLike]) -> str:
+def curve_text(values: Sequence[EffectParameter]) -> str:
     """ "from −1.00 to 1.20 rad: −3.1 … 4.2 Nm", from the values of a free curve's parameters."""
     low, high, *nodes = values
     torques = [node.value for node in nodes]
@@ -149,48 +150,36 @@ def curve_text(values: Sequence[ValueLike]) -> str:
     )
 
 
-def tie_text(tie: TieLike) -> str:
+def tie_text(tie: Tie) -> str:
     """The effect that a finding is hard to tell from, and what would decide."""
-    other = effect_title(tie.effect) + where_text(tie.joint)
-    text = f"Hard to tell from {other} (signatures similar to {share_text(min(abs(tie.correlation), 1.0))})."
+    other = lower(effect_title(tie.effect)) + where_text(tie.joint)
+    text = f"Hard to tell from {other}: {share_text(min(abs(tie.correlation), 1.0))} alike in these data."
     return f"{text} {tie.breaks}".strip()
 
 
-@dataclass(frozen=True)
-class Moved:
-    """Change of a parameter over several added effects."""
-
-    name: str
-    joint: str | None
-    before: float
-    after: float
-    unit: str
-    deviations: float
-
-
-def moved(findings: Iterable[NamedLike]) -> list[Moved]:
+def moved(findings: Iterable[FoundEffect]) -> list[Absorbed]:
     """Every parameter that had absorbed any of the effects, once; `findings` in the order of their addition.
 
     Its value before the first and after the last of these effects; the largest change (in standard errors)
     comes first.
     """
-    out: dict[tuple[str, str | None], Moved] = {}
+    out: dict[tuple[str, str | None], Absorbed] = {}
     for a in (entry for finding in findings for entry in finding.absorbed):
         first = out.get((a.name, a.joint))
         before, least = (a.before, 0.0) if first is None else (first.before, first.deviations)
         largest = max(least, abs(a.deviations))  # NaN: unknown
-        out[a.name, a.joint] = Moved(a.name, a.joint, before, a.after, a.unit, largest)
+        out[a.name, a.joint] = Absorbed(a.name, a.joint, before, a.after, a.unit, largest)
     return sorted(out.values(), key=lambda m: -m.deviations)
 
 
-def absorbed_list(absorbed: Sequence[AbsorbedLike], most: int = 3) -> str:
+def absorbed_list(absorbed: Sequence[Absorbed], most: int = 3) -> str:
     """The first parameters that had absorbed the effect, and the number of others."""
     more = len(absorbed) - most
     others = [f"and {plural(more, 'other')}"] if more > 0 else []
     return "; ".join([absorbed_text(entry) for entry in absorbed[:most]] + others)
 
 
-def absorbed_text(absorbed: AbsorbedLike) -> str:
+def absorbed_text(absorbed: Absorbed) -> str:
     """A parameter that had absorbed the effect: its value before and after."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
     name = INERTIA.get(absorbed.name, plain_name(absorbed.name))

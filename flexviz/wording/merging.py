@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from flexviz.records import CandidateEffect, FoundEffect
 from flexviz.wording.findings import (
     UNTOLD,
     capitalised,
@@ -21,7 +22,7 @@ from flexviz.wording.findings import (
     tied_family,
 )
 from flexviz.wording.numbers import listed
-from flexviz.wording.records import DiagnosisLike, FindingLike, NamedLike
+from flexviz.wording.records import DiagnosisLike
 from flexviz.wording.shares import FindingKey, finding_key
 
 LIKELY = 0.5  # confidence from which a finding is likelier than not: two of these are no rivals
@@ -29,8 +30,8 @@ COUNTS = ("three", "four", "five", "six", "seven", "eight")
 _NUMBERED = re.compile(r"(.*joint_?)(\d+)", re.IGNORECASE)
 
 
-N = TypeVar("N", bound=NamedLike)
-F = TypeVar("F", bound=FindingLike)
+N = TypeVar("N", bound=FoundEffect)
+F = TypeVar("F", bound=CandidateEffect)
 Families = Mapping[str, str]  # "coulomb_friction:joint2" -> name of its family, of effects that stand for one
 
 
@@ -67,7 +68,7 @@ class MergedFinding(Generic[N]):
         return f"{finding_title(self.members[0])} on {self.place(joints)}"
 
     def statement(self, joints: Sequence[str] = ()) -> str:
-        """The name; of a family: "Dry friction on joint1; which kind, these data do not tell"."""
+        """The name; of a family: "Dry friction on joint1; these data do not tell which kind"."""
         return f"{self.name(joints)}; {UNTOLD}" if self.tied else self.name(joints)
 
     def place(self, joints: Sequence[str] = ()) -> str:
@@ -75,7 +76,7 @@ class MergedFinding(Generic[N]):
         return joints_text([str(member.joint) for member in self.members], joints)
 
 
-def joint_score(members: Sequence[FindingLike]) -> float:
+def joint_score(members: Sequence[CandidateEffect]) -> float:
     """Share of the error above the noise that findings remove one after the other."""
     return 1 - math.prod(1 - member.score for member in members)
 
@@ -89,7 +90,7 @@ def removes_text(merged: MergedFinding[F]) -> str:
     return f"{explain} {share_text(joint_score(merged.members))} of the error above the noise"
 
 
-def confidence_range(members: Sequence[NamedLike]) -> str:
+def confidence_range(members: Sequence[FoundEffect]) -> str:
     """ "99 %", or the range "94 … 99 %"."""
     shown = [share_text(value) for value in sorted(map(confidence_of, members))]
     low, high = shown[0], shown[-1]
@@ -128,7 +129,7 @@ def merged_findings(
     return sorted(merged, key=lambda one: 1.0 if one.share is None else -one.share)
 
 
-def _share(members: Sequence[NamedLike], shares: Mapping[FindingKey, float] | None) -> float | None:
+def _share(members: Sequence[FoundEffect], shares: Mapping[FindingKey, float] | None) -> float | None:
     """Share of the error that findings remove together; None if one of theirs is unknown."""
     own = [one.share if shares is None else shares.get(finding_key(one)) for one in members]
     known = [share for share in own if share is not None]
@@ -162,7 +163,7 @@ def merged_name(texts: Sequence[str], joints: Sequence[str], families: Families 
     return f"{title} on {joints_text(places, joints)}"
 
 
-def tied_families(findings: Iterable[NamedLike]) -> dict[str, str]:
+def tied_families(findings: Iterable[FoundEffect]) -> dict[str, str]:
     """The families of those findings that stand for one, by their texts."""
     tied = ((finding.text, tied_family(finding)) for finding in findings)
     return {text: family.name for text, family in tied if family is not None}

@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+from flexviz.records import FoundEffect
 from flexviz.wording.errors import normalised
-from flexviz.wording.records import DiagnosisLike, ErrorsLike, NamedLike
+from flexviz.wording.records import DiagnosisLike, ErrorsLike
 
 FindingKey = tuple[str, float | None]
 
@@ -55,6 +56,6 @@ def found_shares(result: DiagnosisLike) -> dict[FindingKey, float]:
     return known
 
 
-def finding_key(finding: NamedLike) -> FindingKey:
+def finding_key(finding: FoundEffect) -> FindingKey:
     """What tells a finding from one of the same effect that was only tried."""
     return finding.text, finding.confidence

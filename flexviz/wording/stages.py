@@ -15,11 +15,11 @@ class SearchStage(StrEnum):
     SEARCH = "searching for what the usual effects leave"
     AGAIN = "searching once more, from the set's own model"
     FOUND = "checking what was found"
-    UNKNOWN = "looking for unknown laws in what is left"
+    UNKNOWN = "looking for unmodelled torques"
     FINE = "refining the model in units of the sensors' noise"
     STAIRS = "fitting the models on the way"
     LOCATION = "locating the residual"
-    PLACE = "looking for the place of an unknown law"
+    PLACE = "looking for the place of an unmodelled torque"
     FREE_CURVE = "adding a free curve"
     BANDWIDTH = "checking parameters against the observer's bandwidth"
 

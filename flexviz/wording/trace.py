@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from flexviz.records import Decoys, Move
 from flexviz.wording.findings import effect_text_name, where_text
 from flexviz.wording.merging import Families, text_names
 from flexviz.wording.numbers import listed, plural, with_error
-from flexviz.wording.records import MoveLike
 
 MOVES = {
     "add": "{added}{not_} added",
@@ -46,7 +46,7 @@ class ToldMove:
 
 
 def told_moves(
-    trace: Iterable[MoveLike],
+    trace: Iterable[Move],
     joints: Sequence[str] = (),
     families: Families | None = None,
     *,
@@ -64,13 +64,13 @@ def told_moves(
         refused: number of refused moves.
     """
     trace = list(trace)
-    groups: dict[object, list[MoveLike]] = {}
+    groups: dict[object, list[Move]] = {}
     for move in trace:
         if move.accepted:
             names = [tuple(text.partition(":")[0] for text in texts) for texts in (move.added, move.removed)]
             groups.setdefault((move.kind, *names), []).append(move)
     made = {_key(move) for move in trace if move.accepted}
-    best: dict[object, MoveLike] = {}
+    best: dict[object, Move] = {}
     for move in sorted(trace, key=_delta, reverse=True):
         if not move.accepted and _key(move) not in made:
             best.setdefault(_key(move), move)
@@ -78,15 +78,15 @@ def told_moves(
     return [_told(moves, joints, families) for moves in (*groups.values(), *chosen)]
 
 
-def _key(move: MoveLike) -> object:
+def _key(move: Move) -> object:
     return move.kind, tuple(move.added), tuple(move.removed)
 
 
-def _delta(move: MoveLike) -> float:
+def _delta(move: Move) -> float:
     return -math.inf if math.isnan(move.delta) else move.delta
 
 
-def _told(moves: Sequence[MoveLike], joints: Sequence[str], families: Families | None) -> ToldMove:
+def _told(moves: Sequence[Move], joints: Sequence[str], families: Families | None) -> ToldMove:
     """Moves of one kind as one: the decreases add up, their errors in squares."""
     first = moves[0]
     added, removed = (
@@ -115,7 +115,8 @@ def _names(kind: str, texts: Sequence[str], joints: Sequence[str], families: Fam
     return listed(known)
 
 
-def decoys_text(accepted: int, tried: int) -> str:
+def decoys_text(decoys: Decoys) -> str:
     """ "of 40 decoys none was accepted": how often the search took what cannot be right."""
+    accepted = decoys.accepted
     found = "none was" if accepted == 0 else "1 was" if accepted == 1 else f"{accepted} were"
-    return f"of {plural(tried, 'decoy')} {found} accepted"
+    return f"of {plural(decoys.tried, 'decoy')} {found} accepted"

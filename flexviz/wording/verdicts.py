@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
+from flexviz.records import FoundEffect, ResidualLocation, StepEntry
 from flexviz.wording.errors import left_text, stated_errors
 from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
-from flexviz.wording.records import DiagnosisLike, LocationLike, NamedLike, StepLike
+from flexviz.wording.records import DiagnosisLike
 from flexviz.wording.shares import found_shares
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
@@ -32,7 +33,7 @@ def verdict_text(
         diagnosis: the diagnosis.
         added: names of effects that it found and added, the largest first; if there are any, they come first.
         joints: all joints of the robot.
-        worst: joint with the largest share of its torque unexplained, named beside the one with the largest
+        worst: joint with the largest share of its torque unexplained, named with the one with the largest
             structured residual, which the free curve is for.
     """
     if added:
@@ -73,7 +74,7 @@ def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:
     added = [one for one in later if free_curve(one.effect) is None]
     if not added and not findings:
         return "an effect that could not be named"
-    merged: Sequence[MergedFinding[NamedLike]] = merged_findings(added or findings, shares)
+    merged: Sequence[MergedFinding[FoundEffect]] = merged_findings(added or findings, shares)
     best = merged[0]
     sure = f"confidence {confidence_range(best.members)}" + (f"; {UNTOLD}" if best.tied else "")
     if best.share is not None:
@@ -84,21 +85,21 @@ def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:
     return f"{scored.name(joints)}. {explain} {above} of the error above the noise; {sure}"
 
 
-def what_stays(joints: Sequence[str], step: StepLike | None, spread: Sequence[float]) -> tuple[str, str]:
+def what_stays(joints: Sequence[str], step: StepEntry | None, spread: Sequence[float]) -> tuple[str, str]:
     """The joint with the largest error of a model, and what it leaves of all; empty without a spread."""
     if step is None or not spread:
         return "", ""
     errors = stated_errors(step, spread)
-    return joints[errors.order[0]], f"what stays: {left_text(joints, errors)}"
+    return joints[errors.order[0]], f"what is left: {left_text(joints, errors)}"
 
 
-def location(where: Sequence[LocationLike], worst: str = "") -> LocationLike | None:
+def location(where: Sequence[ResidualLocation], worst: str = "") -> ResidualLocation | None:
     """The first location that explains something, on the joint `worst` if there is one."""
     found = [place for place in where if place.explained > MIN_NAMED_SHARE]
     return next((place for place in found if place.joint == worst), found[0] if found else None)
 
 
-def span_text(place: LocationLike, unit: str, groups: Sequence[str]) -> str:
+def span_text(place: ResidualLocation, unit: str, groups: Sequence[str]) -> str:
     """Where along its variable the residual is largest, "-0.2 … 0.7 rad"; of `groups` the name."""
     low, high = place.range
     if place.variable == "group" and math.isfinite(low) and 0 <= round(low) < len(groups):

@@ -308,7 +308,7 @@ def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path:
 
     # the name of the joint under the pointer, with its torque and deflection
     hover, text = (
-        page.locator(".fv-hover"),
+        page.locator(".fv-hover:not(.fv-told)"),
         r"joint\d, torque .* Nm, deflection .* mrad, .*error .* × noise floor \(.* %",
     )
 

@@ -106,7 +106,7 @@ def test_the_first_screen_says_what_is_wrong(
     page = open_page(serve() + ("/?darkMode" if dark else ""), 1280, 800)
     # one sentence, true of the set: its arm has a friction of 3 Nm on joint 2 that the model lacks
     assert page.locator(".fv-wrong").inner_text() == (
-        "This arm's model is wrong by 11 % on joint2. Find out why."
+        "This arm's model is wrong by 12 % on joint2. Find out why."
     )
     # one button below it
     assert page.evaluate(OUTLINED) == ["Find the missing effect"]

@@ -110,11 +110,11 @@ def test_what_a_diagnosis_offers(
     until(lambda: page.locator(".fv-verdict s").count() == 1, SOON, "the verdict struck through")
     assert "look again" in verdict.inner_text()
     assert "Done" not in page.locator(".fv-steps").inner_text()
-    assert "What stays" not in page.inner_text("body") and finding.count() == 0
+    assert "What is left" not in page.inner_text("body") and finding.count() == 0
     shot(page, "stale")
     well_laid_out(page)
-    for _ in range(2):  # the result and the bandwidth
-        button(page, "Undo").click()
+    for action in ("identified", "bandwidth"):
+        press(page, "Undo", lambda action=action: f"undone: {action}" in status(page))
     until(lambda: page.locator(".fv-verdict s").count() == 0, what="the verdict again")
 
     # under "Unknown" the free curve is added as a hatched step, and taken back

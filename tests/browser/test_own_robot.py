@@ -151,6 +151,7 @@ def test_several_files_chosen_at_once_and_the_mapping(
     until(lambda: row(page, "Correct").get_by_role("combobox").input_value() == "τ of joint2")
     choose(page, "Unit", "mA")
     choose(page, "Sign", "− (reversed)")
+    choose(page, "Gravity along", "+x: on a wall")
     until(lambda: "mA, before the gear, sign reversed" in page.locator(".fv-own").inner_text())
     shot(page, "own-robot-dark")
     well_laid_out(page)
@@ -161,6 +162,7 @@ def test_several_files_chosen_at_once_and_the_mapping(
     mapping = read_mapping(file)
     joint = mapping.joints["joint2"]
     assert (joint.gear, joint.torque_constant, joint.tau.unit, joint.tau.sign) == (80.0, 0.09, "mA", -1)
+    assert mapping.gravity == [9.81, 0.0, 0.0]
     assert (mapping.robot, [log.file for log in mapping.logs]) == ("my arm.urdf", ["bare.csv", "loaded.csv"])
     press(page, "Discard", lambda: "Your own robot" not in form(page))
     assert within(SOON, lambda: "bad" not in status(page))

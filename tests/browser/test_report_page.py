@@ -52,9 +52,9 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     steps = [BEFORE]
     for number in range(8):
         finding = replace(COULOMB, joint=None, payload=f"p{number}_{LONG}")
-        groups = tuple((f"{name}_{LONG}", rms, held_out) for name, rms, held_out in AFTER.groups)
+        groups = tuple(replace(one, name=f"{one.name}_{LONG}") for one in AFTER.groups)
         steps.append(replace(AFTER, added=finding, groups=groups))
-    steps[0] = replace(BEFORE, groups=tuple((f"{n}_{LONG}", rms, out) for n, rms, out in BEFORE.groups))
+    steps[0] = replace(BEFORE, groups=tuple(replace(one, name=f"{one.name}_{LONG}") for one in BEFORE.groups))
     found = replace(DIAGNOSIS, steps=tuple(steps))
     file = folder / "report.html"
     file.write_text(session_report(diagnosed_session(measurements, found).with_note(LONG * 3), measurements))

@@ -66,7 +66,7 @@ def width(page: Any) -> float:
 def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
     pause(page)
     button(page, "Observer").click()
-    until(lambda: "After Run (step 3, Identify)" in page.inner_text("body"), 60, "the hint")
+    until(lambda: "After Run (step Identify)" in page.inner_text("body"), 60, "the hint")
     identified(page)
     # a click is lost where the page is just drawn anew with the result
     first = until(lambda: cards(page) or button(page, "Observer").click(), 60, "the residuals")

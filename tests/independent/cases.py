@@ -20,7 +20,9 @@ from independent.simulator import Record, Setup, simulate
 
 ROBOTS = ("2r", "panda", "ur5")
 NONE = "none"
-ON_COULOMB = {"stribeck_friction", "load_dependent_friction", "presliding_hysteresis"}  # beside known Coulomb
+ON_COULOMB = {  # beside known Coulomb
+    "stribeck_friction", "load_dependent_friction", "driving_friction", "presliding_hysteresis",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +84,8 @@ def draw(
     size: float = 1.0,
     noise: float | None = None,
     duration: float | None = None,
+    mounted: tuple[float, float] = (0.0, 0.0),
+    rigid: tuple[int, ...] = (),
 ) -> Case:
     """A case and everything that happened in it.
 
@@ -94,6 +98,7 @@ def draw(
         size: multiplies the effect's size.
         noise: times the robot's usual noise; 1 or 3 by default.
         duration: of each run [s].
+        mounted, rigid: as in `Setup`.
     """
     rng = np.random.default_rng((seed, ROBOTS.index(robot), crc32(kind.encode())))
     frame = FRAMES[robot]
@@ -122,6 +127,8 @@ def draw(
         held,
         duration or frame.duration,
         (scale * frame.noise[0], scale * frame.noise[1]),
+        mounted,
+        rigid,
     )
     setup = replace(setup, **gains_of(setup))
     work = work_of(setup)

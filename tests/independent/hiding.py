@@ -51,6 +51,13 @@ def effect_of(
             values = {"quadratic": between(0.05, 0.12) * torque / speed**2}
         case "load_dependent_friction":
             values = {"coefficient": between(0.04, 0.1)}
+        case "driving_friction":
+            ratio = plain(1.5, 3.0) ** sign
+            mean = between(0.04, 0.1)
+            values = {
+                "motor_driving": 2 * mean / (1 + ratio),
+                "load_driving": 2 * mean * ratio / (1 + ratio),
+            }
         case "presliding_hysteresis":
             own = next(e.values["coulomb"] for e in known if e.joint == j)
             coulomb = size * 2 * own

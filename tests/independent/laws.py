@@ -165,6 +165,10 @@ class Laws:
     def _load_dependent_friction(self, p, t, theta, v, joint_torque, at):
         return p["coefficient"] * np.abs(joint_torque) * np.tanh(v / CREEP)
 
+    def _driving_friction(self, p, t, theta, v, joint_torque, at):
+        given, taken = np.maximum(joint_torque * np.sign(v), 0.0), np.maximum(-joint_torque * np.sign(v), 0.0)
+        return (p["motor_driving"] * given + p["load_driving"] * taken) * np.tanh(v / CREEP)
+
     def _friction_drift(self, p, t, theta, v, joint_torque, at):
         cold = p["relative_rise"] * np.exp(-max(t, 0.0) / p["time_constant"])
         return self.motor_viscous[at] * v * cold

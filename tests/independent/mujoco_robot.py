@@ -20,16 +20,24 @@ class Links:
     """
 
     def __init__(
-        self, arm: Arm, payloads: Sequence[Sequence[Body]], tilt: tuple[float, float] = (0.0, 0.0)
+        self,
+        arm: Arm,
+        payloads: Sequence[Sequence[Body]],
+        tilt: tuple[float, float] = (0.0, 0.0),
+        mounted: tuple[float, float] = (0.0, 0.0),
+        rotors: Sequence[float] | Array = (),
     ) -> None:
         """
         Args:
             arm: the links.
             payloads: for each run the bodies on the last link.
             tilt: the base is turned about x, then about the world's y [rad].
+            mounted: the same, before that: a wall is a quarter turn, a ceiling half a turn.
+            rotors: inertia that turns with each joint [kg m²], none by default.
         """
         arms = "".join(
-            f'<body pos="{5 * i} 0 0" euler="{tilt[0]} {tilt[1]} 0">{_chain(arm, 0, bodies)}</body>'
+            f'<body pos="{5 * i} 0 0" euler="{tilt[0]} {tilt[1]} 0">'
+            f'<body euler="{mounted[0]} {mounted[1]} 0">{_chain(arm, 0, bodies)}</body></body>'
             for i, bodies in enumerate(payloads)
         )
         off = " ".join(
@@ -43,6 +51,8 @@ class Links:
         )
         self.data = mujoco.MjData(self.model)
         assert self.model.nv == len(payloads) * len(arm.links)
+        if len(rotors):
+            self.model.dof_armature[:] = np.tile(rotors, len(payloads))
 
     def acceleration(self, q: Array, velocity: Array, torque: Array) -> Array:
         """q̈ [rad/s²] under joint torques [Nm]. The array is MuJoCo's own: use it before the next call."""

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from independent.arms import Arm, Array, Body
 from independent.laws import CREEP, Effect, Laws
@@ -72,6 +73,8 @@ class Setup:
         hold: of the torque [s]; 0 follows continuously.
         duration: of each run [s].
         noise: standard deviations of θ [rad] and τ [Nm].
+        mounted: turns of the base about x, then about the world's y [rad].
+        rigid: joints whose motor is locked to the link: q = θ, and the rotor turns with the link.
     """
 
     arm: Arm
@@ -88,6 +91,8 @@ class Setup:
     hold: float
     duration: float
     noise: tuple[float, float]
+    mounted: tuple[float, float] = (0.0, 0.0)
+    rigid: tuple[int, ...] = ()
 
     @property
     def runs(self) -> int:
@@ -108,7 +113,15 @@ class Setup:
             for name, bodies in zip(self.payload_names, self.payloads, strict=True)
         ]
         tilt = next((e.values for e in self.effects if e.name == "base_tilt"), {})
-        return Links(self.arm, real, (tilt.get("tilt_x", 0.0), tilt.get("tilt_y", 0.0)))
+        tilted = tilt.get("tilt_x", 0.0), tilt.get("tilt_y", 0.0)
+        rotors = np.zeros(self.n)
+        rotors[list(self.rigid)] = self.motor_inertia[list(self.rigid)]
+        return Links(self.arm, real, tilted, self.mounted, rotors)
+
+    @property
+    def locked(self) -> NDArray[np.bool_]:
+        """Which joints of all runs are rigid, shape (runs · n,)."""
+        return np.tile(np.isin(np.arange(self.n), self.rigid), self.runs)
 
     def laws(self) -> Laws:
         return Laws(
@@ -129,13 +142,14 @@ class Setup:
         for name, key in (("stribeck_friction", "stribeck"), ("sticky_patch", "peak")):
             for at, p in laws.each(name):
                 rub[at] += p[key]
-        for at, p in laws.each("load_dependent_friction"):
-            rub[at] += (
-                2 * p["coefficient"] * np.abs(self.links.torque(self.motion.centre, 0 * motor, 0 * motor))[at]
-            )
+        for name in ("load_dependent_friction", "driving_friction"):
+            for at, p in laws.each(name):
+                still = np.abs(self.links.torque(self.motion.centre, 0 * motor, 0 * motor))
+                rub[at] += 2 * max(p.values()) * still[at]
         damping = [laws.each("joint_damping")[0][1]["damping"]] if laws.each("joint_damping") else [0.0]
         rates = [rub / CREEP / motor, laws.link_coulomb / CREEP / link, max(damping) * (1 / motor + 1 / link)]
-        rates += [np.sqrt(laws.stiffness * (1 / motor + 1 / link)), np.tile(self.kd, self.runs) / motor]
+        spring = np.sqrt(laws.stiffness * (1 / motor + 1 / link)) * ~self.locked
+        rates += [spring, np.tile(self.kd, self.runs) / motor]
         longest = 1.6 / float(np.max([np.max(r) for r in rates]))
         whole = self.hold or RECORD
         return whole / max(int(np.ceil(whole / min(longest, 0.0005) - 1e-9)), 1)
@@ -174,13 +188,15 @@ class Clockwork:
     def __init__(self, setup: Setup) -> None:
         self.setup, self.laws, self.links = setup, setup.laws(), setup.links
         self.kp, self.kd = np.tile(setup.kp, setup.runs), np.tile(setup.kd, setup.runs)
+        self.locked = setup.locked if setup.rigid else None
 
     def start(self, t: float) -> Array:
         """On the motion, with springs that carry the arm's weight."""
         motion = self.setup.motion
         theta, velocity = motion.position(t), motion.velocity(t)
         weight = self.links.torque(theta, 0 * theta, 0 * theta)
-        return np.array([theta - weight / self.laws.stiffness, theta, velocity, velocity, 0 * theta])
+        bend = weight / self.laws.stiffness * ~self.setup.locked
+        return np.array([theta - bend, theta, velocity, velocity, 0 * theta])
 
     def command(self, position: Array, velocity: Array, y: Array) -> Array:
         """The controller's torque [Nm]."""
@@ -195,10 +211,14 @@ class Clockwork:
         out[:2] = y[2:4]
         out[3] = laws.motor_acceleration(torque - joint - laws.motor(t, theta, v, joint, z))
         out[4] = laws.bristle_rate(v, z) if laws.bristles else 0.0
+        if self.locked is not None:  # the motor's torque, less its friction, acts on the link itself
+            joint = np.where(self.locked, torque - laws.motor(t, theta, v, joint, z), joint)
         joint -= laws.link(q, q_velocity)
         if push is not None:
             joint += push
         out[2] = self.links.acceleration(q, q_velocity, joint)
+        if self.locked is not None:
+            out[3] = np.where(self.locked, out[2], out[3])
         return out
 
     def held(self, t: float, y: Array, h: float, torque: Array) -> Array:

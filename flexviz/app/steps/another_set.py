@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.own_robot import MAPPING_FILE
 from flexviz.app.page import Page, dim, warning
 from flexviz.app.state import Changed
@@ -45,7 +46,7 @@ class AnotherSet:
         with gui.add_folder("Another set", expand_by_default=False):
             hint = "a robot's URDF and logs, a zip of a measurement set or session, or its files"
             self.upload = page.upload("Upload", self._uploaded, hint=hint)
-            self._waiting = gui.add_html(dim(WAITING))
+            self._waiting = ExplainedHtml(gui, dim(WAITING))
             hint = "an uploaded URDF can be chosen here too"
             self._robot = page.dropdown("Robot", PRESETS, hint=hint)
             self._effects = {SURPRISE: SURPRISE, NOTHING: NOTHING} | by_title(hideable())

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, warning
 from flexviz.app.sets import sets_beside
 from flexviz.app.state import Changed, Turn
@@ -39,11 +40,11 @@ class DataStep(WorkflowStep):
         self.own = OwnRobot(store, page)
         self.unsaved = UnsavedWork(store, page)
         self._choice = page.dropdown("Measurement set", ("–",), self._choose)
-        self._about = gui.add_html("")
-        gui.add_html('<div class="fv"><b>Groups</b>: trajectory and payload, and their use</div>')
+        self._about = ExplainedHtml(gui)
+        ExplainedHtml(gui, '<div class="fv"><b>Groups</b>: trajectory and payload, and their use</div>')
         self._rows = gui.add_folder(None)
-        self._hint = gui.add_html("")
-        self._check = gui.add_html("")
+        self._hint = ExplainedHtml(gui)
+        self._check = ExplainedHtml(gui)
         self.files = Files(store, page)
         self.another = AnotherSet(store, page, self.own)
         page.command("Read the data again", lambda: store.open_path(self._shown()))
@@ -111,7 +112,7 @@ class UnsavedWork:
         self._found: Unsaved | None = None
         self._due = AUTOSAVE_DELAY
         self.keeper = Autosave(unsaved_dir, lambda text: page.call(store.fail, text))
-        self._text = page.gui.add_html("", visible=False)
+        self._text = ExplainedHtml(page.gui, visible=False)
         hint = "opens the automatically saved session; Undo goes through its history"
         self._button = page.button(
             "Continue unsaved work", self._continue, color="orange", visible=False, hint=hint

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import takewhile
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, dim, off
 from flexviz.app.sets import chosen_set
 from flexviz.app.store import Store
@@ -63,7 +64,7 @@ class DecidingMotion:
         self.button = page.button(DECIDE, self._start, visible=False)
         self.download = page.client_button(DOWNLOAD, self._send, visible=False)
         page.row((self.button, self.download))
-        self._text = page.gui.add_html("", visible=False)
+        self._text = ExplainedHtml(page.gui, visible=False)
 
     def refresh(self) -> None:
         """Show what belongs to the present diagnosis."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import SHIFT, dim, off, put
 from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.deciding import DecidingMotion
@@ -28,7 +29,7 @@ from flexviz.view import (
     worst_joint_so_far,
     wrong_html,
 )
-from flexviz.wording import MergedFinding, found_shares, merged_findings, number, text_names
+from flexviz.wording import MergedFinding, capitalised, found_shares, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -43,24 +44,24 @@ class DiagnoseStep(WorkflowStep):
 
     def build(self) -> None:
         page, gui = self.page, self.page.gui
-        self._wrong = gui.add_html("")
+        self._wrong = ExplainedHtml(gui)
         self._find = page.button("Find the missing effect", self._look, color="blue")
-        self._why = gui.add_html("")
-        self._so_far = gui.add_html("")
-        self._alone = gui.add_html("")
-        self._verdict = gui.add_html("")
-        self._stopgap = gui.add_html("")
+        self._why = ExplainedHtml(gui)
+        self._so_far = ExplainedHtml(gui)
+        self._alone = ExplainedHtml(gui)
+        self._verdict = ExplainedHtml(gui)
+        self._stopgap = ExplainedHtml(gui)
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
         self._add_curve = page.button("Add the free curve", self._curve_pressed, visible=False)
         self._draft = page.client_button("Draft an effect file", self._send_draft, visible=False)
         page.row((self._add_curve, self._draft))
         self._all = page.button("Add all found", self._add_all, visible=False)
         self._draft_of: tuple[Diagnosis | None, CurveDraft | None] = (None, None)
-        self._heading = gui.add_html("")
+        self._heading = ExplainedHtml(gui)
         self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
-        self._tried = gui.add_html("")
+        self._tried = ExplainedHtml(gui)
         self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
         self.next_buttons = {"find": self._find, "add": self.findings[0].add}
@@ -120,7 +121,7 @@ class DiagnoseStep(WorkflowStep):
         self.model.show(store.measurements.effects, analysis.effects, joints, why, families)
         self._all.visible = current is not None and current.verdict == "missing" and bool(current.findings)
         off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
-        self._why.content = dim(f"Off: {why}." if why else "")
+        self._why.content = dim(f"{capitalised(why)}." if why else "")
         off(self._find, why, "identifies if needed, then tries every effect of the library on the residual")
 
     def _show_findings(self) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
@@ -17,7 +16,7 @@ class EffectMatrix:
     def __init__(self, store: Store, page: Page) -> None:
         self._store = store
         gui = page.gui
-        self._table = gui.add_html("")
+        self._table = ExplainedHtml(gui)
         with gui.add_folder("Joint by joint", expand_by_default=False):
             self._effects = by_title(joint_effects())
             self._effect = page.dropdown("Effect", tuple(self._effects))
@@ -48,4 +47,4 @@ class EffectMatrix:
         chosen = set(joints_with(effect, store.analysis.effects, joints)) ^ {joint}
         effects = with_joints(effect, tuple(chosen), store.analysis.effects, joints)
         what = "with" if joint in chosen else "without"
-        store.change(f"{what} {title} on {joint}", replace(store.analysis, effects=effects))
+        store.change(f"{what} {title} on {joint}", store.analysis.with_fit(effects=effects))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, off, put, warning
 from flexviz.app.page_script import POLE_LABEL
 from flexviz.app.state import Changed, Turn
@@ -59,9 +59,10 @@ class GainsPanel:
         self._refused = ""  # why the dragged pole stays
         self._folder = page.gui.add_folder("Gains of the ESO", expand_by_default=False, order=order)
         with self._folder:
-            page.gui.add_html(
+            ExplainedHtml(
+                page.gui,
                 '<div class="fv fv-dim">x̂̇ᵢ = x̂ᵢ₊₁ + βᵢ(y − x̂₁), for all joints. The sliders multiply the '
-                "gains of (s+w)⁶; drag a pole to set them all.</div>"
+                "gains of (s+w)⁶; drag a pole to set them all.</div>",
             )
             self._same = page.checkbox("Same gains for θ and τ", True, lambda _: self._edited())
             page.style(label_width, self._same, "14em")
@@ -100,9 +101,11 @@ class GainsPanel:
     def _present(self) -> EsoGains | None:
         """The gains in use on the selected joint; None for another observer."""
         analysis = self._store.analysis
-        if analysis.observer != CausalEso.name:
+        if analysis.fit.observer != CausalEso.name:
             return None
-        observer = observer_for(analysis.observer, analysis.bandwidth, self._store.joint, analysis.gains)
+        observer = observer_for(
+            analysis.fit.observer, analysis.fit.bandwidth, self._store.joint, analysis.fit.gains
+        )
         return observer.gains or EsoGains.of(binomial_gains(float(observer.bandwidth)))  # type: ignore[arg-type]
 
     def _set(self, gain: int, signal: int, factor: float) -> None:
@@ -154,7 +157,7 @@ class GainsPanel:
         self._draft = None if why or used else EsoGains(theta, tau)
         nothing = "these are the gains in use"
         off(self._use, why or ("" if self._draft else nothing), "for identification too")
-        unset = self._store.analysis.gains is None and self._draft is None and not why
+        unset = self._store.analysis.fit.gains is None and self._draft is None and not why
         off(self._back, "the poles are all at −w" if unset else "", "all six poles at −w, the bandwidth")
         self._preview(self._draft)
 
@@ -164,16 +167,16 @@ class GainsPanel:
             raise InputError("these gains cannot be used: see the note above the button")
         gains = self._draft
         self._drop()
-        self._store.change("gains of the ESO", replace(self._store.analysis, gains=gains, bandwidth=None))
+        self._store.change("gains of the ESO", self._store.analysis.with_fit(gains=gains, bandwidth=None))
 
     def _reset(self) -> None:
         analysis = self._store.analysis
-        width = analysis.bandwidth
-        if analysis.gains is not None and width is None:
+        width = analysis.fit.bandwidth
+        if analysis.fit.gains is not None and width is None:
             width = float(f"{self._width:.4g}")
         self._factors = [np.ones(6), np.ones(6)]
         self._drop()
-        self._store.change("poles of the ESO at −w", replace(analysis, gains=None, bandwidth=width))
+        self._store.change("poles of the ESO at −w", analysis.with_fit(gains=None, bandwidth=width))
         self.refresh()
 
     def _drop(self) -> None:

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, dim, off
 from flexviz.app.recordings import KINDS, Kind, Recordings, State
 from flexviz.app.rerun_page import RerunPage
@@ -60,7 +61,7 @@ class Files:
         hint = "sends the same to a Rerun viewer on this machine"
         self._live = page.checkbox("Live viewer", False, partial(self._switch, "viewer"), hint=hint)
         self._address = page.watch(gui.add_text("Viewer at", VIEWER, visible=False))
-        self._note = gui.add_html("")
+        self._note = ExplainedHtml(gui)
         self.recordings = Recordings(store, page.call, self._heard)
         for box in (self._record, self._live):
             page.style(half, box)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, off, put
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
@@ -26,14 +27,14 @@ class FindingEntry:
         self._group = ""
         self.opened = index == 0  # whether its evidence is shown
         gui = page.gui
-        self._text = gui.add_html("", visible=False)
+        self._text = ExplainedHtml(gui, visible=False)
         self._toggle = page.button("Show evidence", self._switch, visible=False)
         self.add = page.button(
             "Add and refit", partial(add, index), color="blue" if index == 0 else "gray", visible=False
         )
         self._folder = gui.add_folder(None, visible=False)
         self._chart = ChartColumn(page.server, self._folder)
-        self._card = gui.add_html("", visible=False)
+        self._card = ExplainedHtml(gui, visible=False)
         page.row((self._toggle, self.add))
 
     def show(self, merged: MergedFinding[Finding] | None, store: Store) -> None:
@@ -81,10 +82,10 @@ class ModelList:
         self._apart = False  # whether they are listed joint by joint
         self._why = ""
         self._remove = remove
-        self._heading = page.gui.add_html("")
+        self._heading = ExplainedHtml(page.gui)
         self._rows = []
         for index in range(MAX_ROWS):
-            text = page.gui.add_html("", visible=False)
+            text = ExplainedHtml(page.gui, visible=False)
             button = page.button("Remove", partial(self._pressed, index), visible=False)
             page.row((button,), share=0.3)
             self._rows.append((text, button))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from flexviz import view
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import CTRL, Page, dim, off, warning
 from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.effect_matrix import EffectMatrix
@@ -17,7 +17,7 @@ from flexviz.app.style import wide_label
 from flexviz.app.tasks import CheckParameters, Identify
 from flexviz.effects import EFFECTS
 from flexviz.identification import Identification
-from flexviz.results import hints
+from flexviz.results import at_bounds, hints
 from flexviz.session import Settings
 from flexviz.wording import effect_text_name, effect_title, escape, number, plural
 
@@ -33,21 +33,21 @@ class IdentifyStep(WorkflowStep):
     def build(self) -> None:
         store, page, gui = self.store, self.page, self.page.gui
         self.effects = EffectList(store, page)
-        hint = "a second stage that removes the observer's bias; takes longer"
+        hint = "removes the observer's bias in a second stage; without it, the intervals leave this bias out"
         self._refine = page.checkbox(
-            "Refine", False, lambda on: store.change("refine", replace(store.analysis, refine=on)), hint=hint
+            "Refine", True, lambda on: store.change("refine", store.analysis.with_fit(refine=on)), hint=hint
         )
         self.check = ParameterCheck(store, page)
         self._run = page.button("Run", self._start, color="blue")
         page.row((self.check.button, self._run))
         self.next_buttons = {"run": self._run}
-        self._why = gui.add_html("")
-        self._check = gui.add_html("")
+        self._why = ExplainedHtml(gui)
+        self._check = ExplainedHtml(gui)
         hint = "the values the set was simulated with"
         self._truth = page.checkbox(
             "Show truth", False, lambda _: self._draw_table(), visible=False, hint=hint
         )
-        self._table = gui.add_html("")
+        self._table = ExplainedHtml(gui)
         self._drawn: tuple[Any, Any] | None = None  # result and truth in the table
         page.command("Run the identification", self._start, "enter", CTRL)
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
@@ -62,7 +62,7 @@ class IdentifyStep(WorkflowStep):
 
     def refresh(self) -> None:
         self._draw_table()
-        self._refine.value = self.store.analysis.refine
+        self._refine.value = self.store.analysis.fit.refine
         self._why.content = dim(self._state())
         off(self._run, self.store.why_not, "identifies the model with these groups and effects")
 
@@ -73,9 +73,9 @@ class IdentifyStep(WorkflowStep):
         if self.store.runs(Identify):
             return "Running; Stop keeps the results so far."
         if running:
-            return "Run is off: something else is running. Stop ends it."
+            return "A computation is running: Stop ends it."
         if not fitted:
-            return "Run is off: no group is set to Fit in step Data."
+            return "No group is set to Fit in step Data."
         if analysis.identification is not None and not analysis.up_to_date:
             return "The settings have changed since this result: press Run again."
         validation = f"validates on {len(held_out)}" if held_out else "no validation"
@@ -99,12 +99,12 @@ class IdentifyStep(WorkflowStep):
             return
         self.store.change("identified", self.store.analysis.with_identification(result, settings))
         count = plural(len(result.iterations), "iteration")
-        told = hints(result.parameters)
-        how = "ended at bounds" if told else "converged" if result.converged else "did not converge"
+        told, held = hints(result.parameters), at_bounds(result.parameters)
+        how = "ended at bounds" if held else "converged" if result.converged else "did not converge"
         message = f": {result.message}" if result.message and not result.converged else ""
         how = "stopped" if result.stopped else how
         text = ". ".join([f"{how} after {count} in {number(result.seconds, 3)} s{message}", *told])
-        self.store.say(text.removesuffix("."), "bad" if not result.converged else "warn" if told else "")
+        self.store.say(text.removesuffix("."), "bad" if not result.converged else "warn" if held else "")
 
     def _draw_table(self) -> None:
         result, truth = self.store.analysis.identification, self.store.opened.truth
@@ -124,10 +124,10 @@ class EffectList:
         with gui.add_folder("Effects in the model"):
             for name in view.COMMON_EFFECTS:
                 self._add(name)
-            self._note = gui.add_html("", visible=False)
+            self._note = ExplainedHtml(gui, visible=False)
             with gui.add_folder("More effects", expand_by_default=False):
                 for kind, names in view.more_effects().items():
-                    gui.add_html(f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
+                    ExplainedHtml(gui, f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
                     for name in names:
                         self._add(name)
             self.matrix = EffectMatrix(store, page)
@@ -144,8 +144,8 @@ class EffectList:
         payloads = any(group.bodies for group in measurements.groups)
         for name, box in self.boxes.items():
             why = view.why_fixed(name, measurements.effects, payloads)
-            box.disabled = bool(why)
-            box.hint = view.effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
+            about = view.effect_hint(EFFECTS[name])
+            off(box, f"{why}. {about}" if why else "", about)
 
     def _refresh(self) -> None:
         own, added = self._store.measurements.effects, self._store.analysis.effects
@@ -170,7 +170,7 @@ class EffectList:
         if name in JOINT_EFFECTS:  # on all joints or on none, wherever it was before
             joints = self._store.measurements.joints
             effects = view.with_joints(name, joints if on else (), analysis.effects, joints)
-            analysis = replace(analysis, effects=effects)
+            analysis = analysis.with_fit(effects=effects)
         else:
             analysis = analysis.with_effects([name]) if on else analysis.without_effects([name])
         self._store.change(f"{'with' if on else 'without'} {effect_title(name)}", analysis)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, dim, off, warning
 from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.eso_gains import GainsPanel
@@ -22,7 +23,7 @@ from flexviz.observers import OBSERVERS, Observer, make_observer
 from flexviz.progress import Progress
 from flexviz.session import Analysis
 from flexviz.view import numbers_html, observer_for, sweep_bandwidths, sweep_charts, sweep_html
-from flexviz.wording import escape, number, plural
+from flexviz.wording import capitalised, escape, number, plural
 
 LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth
 MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
@@ -52,7 +53,7 @@ class ObserverStep(WorkflowStep):
         hint = "sets the selected joint's bandwidth only, not every joint's"
         self._single = page.checkbox("Only this joint", hint=hint)
         page.button("Use the observer's own bandwidth", self._use_default)
-        self._numbers = gui.add_html("")
+        self._numbers = ExplainedHtml(gui)
         self.live = LiveResidual(self.store, page, lambda: self.store.step == self.title)
         GainsPanel(self.store, page, self.live.show_draft, self.live.below)
         self.sweep = BandwidthSweep(self.store, page, self._around, self._set_bandwidth)
@@ -64,21 +65,21 @@ class ObserverStep(WorkflowStep):
         store, analysis = self.store, self.store.analysis
         observer = self._present()
         width = float(observer.bandwidth)  # type: ignore[arg-type]
-        self._type.value = analysis.observer
+        self._type.value = analysis.fit.observer
         shown = min(max(width, LOWEST), HIGHEST)
         if abs(10.0**self._slider.value / shown - 1.0) > 0.005:
             self._slider.value = math.log10(shown)
         self._exact.value = float(f"{shown:.4g}")
-        chosen = analysis.used_tuning != analysis.tuning
+        chosen = analysis.used_tuning != analysis.fit.tuning
         own = " (chosen by the data)" if chosen else " (its own)"
-        where, listed = own if analysis.bandwidth is None else "", ""
-        if isinstance(analysis.bandwidth, tuple):
-            pairs = zip(store.measurements.joints, analysis.bandwidth, strict=False)
+        where, listed = own if analysis.fit.bandwidth is None else "", ""
+        if isinstance(analysis.fit.bandwidth, tuple):
+            pairs = zip(store.measurements.joints, analysis.fit.bandwidth, strict=False)
             widths = ", ".join(f"{escape(joint)} {number(each, 3)}" for joint, each in pairs)
             where, listed = " on this joint", dim(f"Per joint [rad/s]: {widths}.")
-        by_hand = ", gains set by hand" if analysis.gains else ""
+        by_hand = ", gains set by hand" if analysis.fit.gains else ""
         self._numbers.content = (
-            f'<div class="fv"><b>{OBSERVERS[analysis.observer].title}</b>, '
+            f'<div class="fv"><b>{OBSERVERS[analysis.fit.observer].title}</b>, '
             f"bandwidth {number(width, 4)} rad/s{where}{by_hand}</div>"
             + listed
             + numbers_html(observer, store.group.segments[0].step)
@@ -93,24 +94,23 @@ class ObserverStep(WorkflowStep):
 
     def _choose(self, name: str) -> None:
         make_observer(name)
-        self.store.change(f"observer {name}", replace(self.store.analysis, observer=name, gains=None))
+        self.store.change(f"observer {name}", self.store.analysis.with_fit(observer=name, gains=None))
 
     def _set_bandwidth(self, bandwidth: float) -> None:
         """Use a bandwidth [rad/s], for all joints or only the selected one."""
         width = float(f"{min(max(bandwidth, LOWEST), HIGHEST):.4g}")
         store, analysis, n = self.store, self.store.analysis, self.store.measurements.n
         if not self._single.value or n == 1:
-            store.change("bandwidth", replace(analysis, bandwidth=width))
+            store.change("bandwidth", analysis.with_fit(bandwidth=width))
             return
-        present = [
-            observer_for(analysis.observer, analysis.bandwidth, joint, analysis.gains) for joint in range(n)
-        ]
+        fit = analysis.fit
+        present = [observer_for(fit.observer, fit.bandwidth, joint, fit.gains) for joint in range(n)]
         widths = [float(observer.bandwidth) for observer in present]  # type: ignore[arg-type]
         widths[store.joint] = width
-        store.change(f"bandwidth of {store.joint_name}", replace(analysis, bandwidth=tuple(widths)))
+        store.change(f"bandwidth of {store.joint_name}", analysis.with_fit(bandwidth=tuple(widths)))
 
     def _use_default(self) -> None:
-        self.store.change("the observer's own bandwidth", replace(self.store.analysis, bandwidth=None))
+        self.store.change("the observer's own bandwidth", self.store.analysis.with_fit(bandwidth=None))
 
 
 class BandwidthSweep:
@@ -123,7 +123,7 @@ class BandwidthSweep:
         self._result: SweepResult | None = None
         self._of: Analysis | None = None  # settings of the result
         self._start = page.button("Sweep bandwidth", self._run, color="blue")
-        self._about = page.gui.add_html("")
+        self._about = ExplainedHtml(page.gui)
         hint = "the bandwidth with the least error over all joints"
         self._best = page.button("Use the sweep's minimum", self._use_best, visible=False, hint=hint)
         self._folder = page.gui.add_folder(None, visible=False)
@@ -166,7 +166,7 @@ class BandwidthSweep:
         """Show the result for the selected joint and enable the buttons."""
         store, why = self._store, self._store.why_not
         off(self._start, why, "identifies at eleven bandwidths around this one")
-        note = dim(f"Sweep is off: {why}.") if why and not store.runs(Sweep) else ""
+        note = dim(f"{capitalised(why)}.") if why and not store.runs(Sweep) else ""
         if self._result is not None:
             note += sweep_html(self._result, store.joint, store.joint_name)
             if self._of is not None and _settings(self._of) != _settings(store.analysis):
@@ -178,4 +178,4 @@ class BandwidthSweep:
 
 def _settings(analysis: Analysis) -> tuple[object, ...]:
     """The settings that a sweep depends on."""
-    return (analysis.path, analysis.observer, analysis.gains, analysis.roles, analysis.effects)
+    return (analysis.path, analysis.fit.observer, analysis.fit.gains, analysis.roles, analysis.effects)

@@ -7,6 +7,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from flexviz.app.access import is_loopback
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.own_robot import MAPPING_FILE, ImportOwn, LookAtFiles, OwnFiles, OwnSet, mapping_text
 from flexviz.app.page import Page, dim, off, warning
 from flexviz.app.page_script import ROW_LABEL
@@ -16,7 +17,8 @@ from flexviz.app.store import Store
 from flexviz.app.style import hidden, label_width
 from flexviz.app.uploads import new_folder
 from flexviz.app.workspace import output_dir
-from flexviz.importing import Issue, carry, edited, gaps
+from flexviz.importing import Draft, Issue, carry, edited, gaps
+from flexviz.mounting import DIRECTIONS
 from flexviz.view import (
     known_scales,
     own_columns_html,
@@ -48,14 +50,17 @@ class OwnRobot:
         gui = page.gui
         self.folder = gui.add_folder("Your own robot", visible=False)
         with self.folder:
-            self._files = gui.add_html("")
+            self._files = ExplainedHtml(gui)
             hint = "drafts the mapping of these files again"
             self._again = page.button("Read the files", self._read_again, visible=False, hint=hint)
             self._body = gui.add_folder(None, visible=False)
         with self._body:
+            hint = "axis of the URDF's base along which things fall: not −z for a robot on a wall; "
+            hint += "others are stated in the mapping (gravity = …)"
+            self._mounting = page.dropdown("Gravity along", tuple(DIRECTIONS), self._mount, hint=hint)
             self._constants = Constants(page, self._changed, self._problem)
-            self._typed = gui.add_html("")
-            self._state = gui.add_html("")
+            self._typed = ExplainedHtml(gui)
+            self._state = ExplainedHtml(gui)
             self._remedies = [
                 page.button(f"Remedy {i + 1}", lambda i=i: self._remedy(i), visible=False, color="orange")
                 for i in range(MOST_REMEDIES)
@@ -65,16 +70,17 @@ class OwnRobot:
             self._check = page.button("Check data", lambda: self._import(opens=False))
             self._anyway = page.button("Open anyway", lambda: self._import(opens=True, accept=True))
             self._download = page.client_button("Download mapping", self._send)
-            self._table = gui.add_html("")
+            self._table = ExplainedHtml(gui)
             row = page.watch(gui.add_text(ROW_LABEL, ""), self.choose_row)
             self._entry = ColumnEntry(page, self._changed)
-            self._run_table = gui.add_html("")
+            self._run_table = ExplainedHtml(gui)
             self._runs = Runs(page, lambda: self._changed((), ""), self._problem)
         with self.folder:
             self._discard = page.button(
                 "Discard", self.close, hint="forgets these files; nothing was written"
             )
-        page.style(label_width, self._name, LABEL)
+        for handle in (self._name, self._mounting):
+            page.style(label_width, handle, LABEL)
         page.style(hidden, row)
         page.row((self._open, self._check, self._anyway))
         store.subscribe(Changed.ACTIVITY, self._activity, Turn.CONTROLS)
@@ -135,6 +141,7 @@ class OwnRobot:
             self._name.value = Path(own.robot).stem
             self._issues, self._checked = own.issues, not gaps(own.draft)
             self._constants.show(own.draft)
+            self._show_mounting(own.draft)
         self._own = own
         refused = self._not_used | dict(own.refused)
         self._files.content = own_files_html(own.robot, own.joints, own.logs, refused, self.where)
@@ -164,6 +171,16 @@ class OwnRobot:
         )
         self._draw()
 
+    def _mount(self, direction: str) -> None:
+        """Gravity points along this axis of the base; what was said of the torques is out of date."""
+        if self._own is not None:
+            self._own.draft.gravity = DIRECTIONS[direction]
+            self._issues = ()
+            self._changed((), "")
+
+    def _show_mounting(self, draft: Draft) -> None:
+        self._mounting.value = next(name for name, down in DIRECTIONS.items() if down == draft.gravity)
+
     def _problem(self, text: str) -> None:
         self._typed.content = f'<div class="fv fv-doubt">{escape(text)}</div>' if text else ""
 
@@ -178,7 +195,8 @@ class OwnRobot:
         if own is None or index >= len(fixable):
             return
         issue = fixable[index]
-        own.draft.apply(issue.fixes, issue.message)
+        own.draft.accept(issue.remedies, issue.message)
+        self._show_mounting(own.draft)
         self._issues = tuple(other for other in self._issues if other is not issue)
         self._checked, self._edits = False, self._edits + 1
         self._entry.refresh()
@@ -186,7 +204,7 @@ class OwnRobot:
         self._import(opens=False)
 
     def _fixable(self) -> list[Issue]:
-        return [issue for issue in self._issues if issue.fixes]
+        return [issue for issue in self._issues if issue.remedies]
 
     def _draw(self) -> None:
         own = self._own
@@ -202,21 +220,20 @@ class OwnRobot:
         for i, button in enumerate(self._remedies):
             button.visible = i < len(fixable)
             if i < len(fixable):
-                button.label = remedy_text(fixable[i].fixes)
-                button.hint = str(fixable[i])
+                button.label = remedy_text(fixable[i].remedies)
         self._enable()
 
     def _enable(self) -> None:
         lacking = gaps(self._own.draft) if self._own else ["files"]
-        why = "a computation is running (Stop ends it)" if self._store.running else ""
-        why = why or (f"still to be stated: {lacking[0]}" if lacking else "")
+        busy = "a computation is running (Stop ends it)" if self._store.running else ""
+        why = busy or (f"still to be stated: {lacking[0]}" if lacking else "")
         wrong = any(issue.severity == "wrong" for issue in self._issues)
         off(self._open, why, "checks the data, writes the set into ./sessions and opens it")
         off(self._check, why, "compares the data with the robot; writes nothing")
         off(self._anyway, why or ("" if wrong else "nothing is wrong: press Open"), "although it looks wrong")
         off(self._download, "", "the mapping file, for flexviz import")
-        for button in self._remedies:
-            button.disabled = bool(self._store.running)
+        for button, issue in zip(self._remedies, self._fixable(), strict=False):
+            off(button, busy, str(issue))
 
     # -- the set -------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import Page, dim, put, warning
 from flexviz.app.residual_axis import before_after
 from flexviz.app.state import Changed, LiveTuning, Turn
@@ -38,13 +39,13 @@ class LiveResidual:
         self._rms: list[np.ndarray] = []  # (n,) residuals of every tuning that was tried [Nm]
         self._rms_of: tuple[object, ...] = ()
         self._failed: set[float] = set()  # bandwidths of the grid that cannot be used
-        self._observer = make_observer(store.analysis.observer)  # as drawn
+        self._observer = make_observer(store.analysis.fit.observer)  # as drawn
         self._found: ObservedResidual | None = None  # as drawn
         self._took = 0.0  # [s] of processor time, the last evaluation
         self._touched = 0.0  # the last change [s, monotonic]
         self._due: float | None = None  # when a slow evaluation is due [s, monotonic]
         self._draft: EsoGains | None = None  # gains to show instead of those in use
-        self._head, self._grid = page.gui.add_html(""), page.gui.add_html("")
+        self._head, self._grid = ExplainedHtml(page.gui), page.gui.add_html("")
         self._folder = page.gui.add_folder(None, visible=False)
         self._charts = ChartColumn(page.server, self._folder)
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.STEP
@@ -89,9 +90,9 @@ class LiveResidual:
         store, analysis = self._store, self._store.analysis
         if analysis.identification is None:
             self._store.set_live(None)
-            self._show(dim("After Run (step 3, Identify) the model's residual is shown here while you drag."))
+            self._show(dim("After Run (step Identify) the residual is shown here while you drag."))
             return
-        tuning = analysis.used_tuning if self._draft is None else (analysis.observer, None, self._draft)
+        tuning = analysis.used_tuning if self._draft is None else (analysis.fit.observer, None, self._draft)
         self._observer = observer = make_observer(*tuning)
         begin = time.thread_time()
         try:
@@ -109,9 +110,9 @@ class LiveResidual:
         tried = f" with the gains below, not used yet ({lag})" if self._draft else ""
         span = f"{number(found.time[0], 3)} to {number(found.time[-1], 3)} s"
         head = (
-            f'<div class="fv fv-tuned"><b>Residual of the identified model</b>{tried}, values kept '
-            f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise, rms against the '
-            "smallest of the tunings tried; band: noise alone)</span></div>"
+            f'<div class="fv fv-tuned"><b>Residual with this observer</b>{tried} '
+            f'<span class="fv-dim">in group {escape(store.group.name)}, {span}; parameters kept. Below each '
+            "joint: rms residual / noise floor. × least: rms against the best tuning tried.</span></div>"
         )
         self._found = found
         self._show(head, self._cards())
@@ -127,7 +128,7 @@ class LiveResidual:
         return residuals_html(self._found, joints, store.joint, ends, least, spread)
 
     def _remember(self, rms: np.ndarray) -> None:
-        now = (*self._now(), self._store.analysis.observer)
+        now = (*self._now(), self._store.analysis.fit.observer)
         if now != self._rms_of:
             self._rms, self._rms_of = [], now
         self._rms.append(rms)
@@ -142,7 +143,7 @@ class LiveResidual:
     def _prepared(self) -> ResidualPreview:
         """The preview of the present result and group."""
         if self._preview is None or self._of != self._now():
-            store, fitted = self._store, self._store.analysis.fitted_settings
+            store, fitted = self._store, self._store.analysis.fitted
             result = store.analysis.identification
             assert result is not None
             longest = LONGEST // store.measurements.n
@@ -155,7 +156,7 @@ class LiveResidual:
 
     def _keep(self, bandwidth: float, cost: Cost) -> None:
         analysis = self._store.analysis
-        now = (*self._now(), analysis.observer, analysis.gains)
+        now = (*self._now(), analysis.fit.observer, analysis.fit.gains)
         if now != self._trade_of:
             self._trade, self._trade_of, self._failed = {}, now, set()
         self._trade[bandwidth] = cost
@@ -163,13 +164,13 @@ class LiveResidual:
     def _fill_trade(self) -> None:
         """Evaluate one more bandwidth of the grid."""
         analysis = self._store.analysis
-        if self._took > SLOW or self._trade_of != (*self._now(), analysis.observer, analysis.gains):
+        if self._took > SLOW or self._trade_of != (*self._now(), analysis.fit.observer, analysis.fit.gains):
             return
         rest = [width for width in GRID if width not in self._trade and width not in self._failed]
         if not rest or self._preview is None or self._draft is not None:
             return
         try:
-            found = self._preview.at(make_observer(analysis.observer, rest[0], analysis.gains))
+            found = self._preview.at(make_observer(analysis.fit.observer, rest[0], analysis.fit.gains))
         except InputError:
             self._failed.add(rest[0])
             return

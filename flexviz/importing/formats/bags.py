@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.errors import InputError
+from flexviz.errors import InputError, require_extra
 from flexviz.importing.formats.base import (
     EMPTY_FIELD,
     LOGGED,
@@ -56,6 +56,7 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
     """Every JointState topic of a bag."""
     first = path.suffix == ".bag"
     kind = "ROS 1 bag" if first else "MCAP" if path.suffix == ".mcap" else "ROS 2 bag"
+    require_extra("rosbags", "reading MCAP files and ROS bags")
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from flexviz import wording
-from flexviz.diagnosis import Finding, ResidualLocation, Tie
+from flexviz.diagnosis import Finding
 from flexviz.effects import EFFECTS, free_curve
+from flexviz.records import ResidualLocation, Tie
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.report.sections.settled import finding_values
@@ -189,7 +190,7 @@ def why(content: ReportContent) -> blocks.Section | None:
         blocks.table(head, rows, (1,), caption) if rows else None,
         None
         if decoys is None
-        else blocks.Paragraph(f"{wording.capitalised(wording.decoys_text(*decoys))}: {DECOYS}."),
+        else blocks.Paragraph(f"{wording.capitalised(wording.decoys_text(decoys))}: {DECOYS}."),
     )
 
 

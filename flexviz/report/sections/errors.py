@@ -9,7 +9,8 @@ import numpy as np
 
 from flexviz import view
 from flexviz.charts import Chart
-from flexviz.diagnosis import Diagnosis, ResidualMap, Step
+from flexviz.diagnosis import Diagnosis, Step
+from flexviz.records import ResidualMap
 from flexviz.report.blocks import (
     FIGURE_HEIGHT,
     SMALL_HEIGHT,
@@ -94,9 +95,9 @@ def group_rows(steps: Sequence[Step]) -> list[tuple[str, str, list[float]]]:
 
 def _of_groups(steps: Sequence[Step]) -> Iterator[tuple[str, str, Sequence[Sequence[float] | None]]]:
     """Each group of the last step, its use, and its errors at every step."""
-    for name, _, held_out in steps[-1].groups:
-        found = [next((rms for other, rms, _ in step.groups if other == name), None) for step in steps]
-        yield name, "validate" if held_out else "fit", found
+    for last in steps[-1].groups:
+        found = [next((one.rms for one in step.groups if one.name == last.name), None) for step in steps]
+        yield last.name, "validate" if last.validation else "fit", found
 
 
 def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:

@@ -7,12 +7,21 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
-from flexviz.identification import ParameterEstimate
+from flexviz.records import ParameterEstimate
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.report.sections.settled import estimate_text, settled
 from flexviz.view import model_curve_charts, physical
-from flexviz.wording import INERTIAL, MARKS, joints_text, number, plain_name, plural, unit_text
+from flexviz.wording import (
+    INERTIAL,
+    MARKS,
+    joints_text,
+    measured_parts,
+    number,
+    plain_name,
+    plural,
+    unit_text,
+)
 
 MAX_TIES = 3  # listed per parameter
 MOST_PAIRS = 8  # of correlated parameters
@@ -33,6 +42,7 @@ def parameters(content: ReportContent) -> blocks.Section | None:
         "Parameters",
         blocks.explanation(source(content)),
         *_main(main),
+        _link_side(content),
         blocks.explanation(_ties(main, content.joints)) if any(p.tied_to for p in main) else None,
         *model_curve_charts(found, blocks.FIGURE_HEIGHT),
         parts=[_inertias(content, inertial)] if inertial else (),
@@ -88,6 +98,22 @@ def _row(name: str, at: Mapping[str, ParameterEstimate], places: Sequence[str]) 
         for place in places
     ]
     return [label, *cells]
+
+
+def _link_side(content: ReportContent) -> blocks.ReportTable | None:
+    """The stiffness that link encoders show and that of the motor side; None without link encoders."""
+    found = content.identification or content.diagnosis
+    if found is None or not found.link_side:
+        return None
+    motor = {p.joint: p for p in found.parameters if p.name == "stiffness"}
+    rows: list[list[str | blocks.Cell]] = []
+    for entry in found.link_side:
+        p = motor[entry.joint]
+        value, error, unit = measured_parts(p.value, p.std, p.unit)
+        shown = f"{value} ± {error} {unit} {MARKS[p.identifiable]}"
+        rows.append([entry.joint, shown, blocks.Cell(entry.text, strong=not entry.agrees)])
+    head = ("joint", "motor side ± 95 %", "link encoder (95 % interval)")
+    return blocks.table(head, rows, (), "Stiffness against the link encoders, which no fit has seen")
 
 
 def _ties(found: Sequence[ParameterEstimate], joints: Sequence[str]) -> str:

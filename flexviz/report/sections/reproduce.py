@@ -9,6 +9,7 @@ from itertools import groupby
 
 from flexviz import __version__
 from flexviz.effects import loaded_files
+from flexviz.mounting import mounting_text
 from flexviz.report.blocks import (
     Block,
     Items,
@@ -70,12 +71,13 @@ def _settings(content: ReportContent) -> ReportTable:
     rows = [
         ["measurement set", str(measurements.path)],
         ["robot", f"{robot.name} ({robot.source}), {plural(measurements.n, 'joint')}"],
+        ["mounting", mounting_text(robot.gravity) or "upright"],
         ["effects of the set", ", ".join(measurements.effects) or "none"],
         ["torque hold", f"{measurements.torque_hold:g} s"],
     ]
     if content.identification is not None:
         found = content.identification
-        given = analysis.bandwidth is not None or analysis.gains is not None
+        given = analysis.fit.bandwidth is not None or analysis.fit.gains is not None
         shown = found.observer_entry.tuning if given else "default"
         rows.append(["observer of the identification", f"{found.observer_name}, bandwidth {shown}"])
         rows.append(["refined", "yes" if found.refined else "no"])
@@ -139,10 +141,10 @@ def program(content: ReportContent) -> str:
             "identification = flexviz.identify(",
             "    measurements,",
             f"    effects={effects!r},",
-            f"    observer={analysis.observer!r},",
-            f"    bandwidth={analysis.bandwidth!r},",
-            *([f"    gains=flexviz.{analysis.gains!r},"] if analysis.gains else []),
-            f"    refine={analysis.refine!r},",
+            f"    observer={analysis.fit.observer!r},",
+            f"    bandwidth={analysis.fit.bandwidth!r},",
+            *([f"    gains=flexviz.{analysis.fit.gains!r},"] if analysis.fit.gains else []),
+            f"    refine={analysis.fit.refine!r},",
             ")",
         ]
     if content.diagnosis is not None:

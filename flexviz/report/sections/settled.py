@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexviz import wording
 from flexviz.diagnosis import Finding
 from flexviz.effects import free_curve
-from flexviz.identification import Combination, ParameterEstimate
+from flexviz.records import Combination, ParameterEstimate
 from flexviz.statistics import NORMAL_95
 
 UNSETTLED = "not determined"

@@ -93,7 +93,7 @@ def numbers(content: ReportContent) -> list[Tile]:
         note = f"rms of the joints {torque}, expected from measurement noise alone"
         tiles.append(Tile("Noise floor", wording.percent(wording.mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
-    beside = f"beside {wording.plural(own, 'effect')} of the set" if own else ""
+    beside = f"in addition to {wording.plural(own, 'effect')} of the set" if own else ""
     effects = [text for text in content.analysis.effects if free_curve(text) is None]
     tiles.append(Tile("Effects added", str(len(effects)), beside))
     main = [p for p in content.parameters if p.name not in wording.INERTIAL]

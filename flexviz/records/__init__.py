@@ -1,0 +1,46 @@
+"""Records of a result: parameters, errors, findings, models on the way, curves, notes."""
+
+from flexviz.records.curves import CurveTable, FreeCurve, ResidualLocation, ResidualMap, curve_tables
+from flexviz.records.entries import (
+    GainsEntry,
+    GroupError,
+    ModelEntry,
+    ObserverEntry,
+    ResidualSummary,
+    StepEntry,
+    TorqueEntry,
+)
+from flexviz.records.findings import Absorbed, CandidateEffect, Family, FoundEffect, Tie
+from flexviz.records.notes import Grade, Note, NoteKind, Verdict
+from flexviz.records.parameters import Combination, EffectEntry, EffectParameter, ParameterEstimate
+from flexviz.records.trace import Decoys, Move
+
+__all__ = [
+    "Absorbed",
+    "CandidateEffect",
+    "Combination",
+    "CurveTable",
+    "Decoys",
+    "EffectEntry",
+    "EffectParameter",
+    "Family",
+    "FoundEffect",
+    "FreeCurve",
+    "GainsEntry",
+    "Grade",
+    "GroupError",
+    "ModelEntry",
+    "Move",
+    "Note",
+    "NoteKind",
+    "ObserverEntry",
+    "ParameterEstimate",
+    "ResidualLocation",
+    "ResidualMap",
+    "ResidualSummary",
+    "StepEntry",
+    "Tie",
+    "TorqueEntry",
+    "Verdict",
+    "curve_tables",
+]

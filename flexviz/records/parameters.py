@@ -1,0 +1,90 @@
+"""Parameters of a result, with their uncertainty, and the effects of a model."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from flexviz.fields import RECORD, Number, Real, is_none
+from flexviz.records.notes import Grade
+
+
+@dataclass(frozen=True, config=RECORD)
+class ParameterEstimate:
+    """One parameter.
+
+    Attributes:
+        name, joint, unit: as in the JSON contract; joint is None where it belongs to none.
+        value: in SI units.
+        std: standard error; infinite or NaN where unknown, null in documents.
+        identifiable: "yes", "weak" or "no".
+        start: start value.
+        tied_to: parameters ("izz:joint1") that the data cannot move independently of this one.
+        at_bound: held at a physical bound.
+        payload, group: of an effect that concerns one payload, or one group only.
+        rigid_above: of a stiffness that the data do not tell from infinity: what it is above, at 95 %.
+    """
+
+    name: str
+    joint: str | None
+    value: Number
+    std: Real
+    unit: str
+    identifiable: Grade
+    start: Real = math.nan
+    tied_to: tuple[str, ...] = ()
+    at_bound: bool = False
+    payload: str | None = None
+    group: str | None = None
+    rigid_above: Annotated[Number | None, Field(exclude_if=is_none)] = None
+
+    @property
+    def label(self) -> str:
+        """`izz:joint1`, `payload_error.relative_mass_error:p2`, as an iteration names it."""
+        return ":".join(part for part in (self.name, self.joint, self.payload, self.group) if part)
+
+
+@dataclass(frozen=True, config=RECORD)
+class Combination:
+    """A base parameter: the smallest combination of inertial parameters that motion can show.
+
+    Attributes:
+        name: "izz:joint1 + 1 mass:joint2".
+        value, std: in the unit of the leading parameter.
+        unit: of the leading parameter.
+        identifiable: "yes", "weak" or "no".
+        weights: parameter → coefficient.
+    """
+
+    name: str
+    value: Number
+    std: Real
+    unit: str
+    identifiable: Grade
+    weights: dict[str, Number] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True, config=RECORD)
+class EffectParameter:
+    """A parameter of an effect: value, standard error (NaN if unknown), unit; graded in exports."""
+
+    value: Number
+    std: Real = math.nan
+    unit: str = ""
+    identifiable: Annotated[Grade | None, Field(exclude_if=is_none)] = None
+
+
+@dataclass(frozen=True, config=RECORD)
+class EffectEntry:
+    """An effect of a model with its place and values; an export adds title and equation."""
+
+    effect: str
+    parameters: dict[str, EffectParameter]
+    joint: str | None = None
+    group: str | None = None
+    payload: str | None = None
+    title: Annotated[str | None, Field(exclude_if=is_none)] = None
+    equation: Annotated[str | None, Field(exclude_if=is_none)] = None

@@ -1,0 +1,37 @@
+"""What a search tried: its moves, and decoys."""
+
+from __future__ import annotations
+
+from pydantic.dataclasses import dataclass
+
+from flexviz.fields import RECORD, Real
+
+
+@dataclass(frozen=True, config=RECORD)
+class Move:
+    """One move that the search tried.
+
+    Attributes:
+        kind: "add", "drop", "swap" or "unknown" (an unknown torque).
+        added, removed: effects as on the command line: "coulomb_friction:joint1".
+        delta, error: decrease of the objective and its standard error [nats].
+        resolution: "coarse" or "fine".
+        why: why it was not accepted, in words; "" if it was.
+    """
+
+    kind: str
+    added: tuple[str, ...]
+    removed: tuple[str, ...]
+    delta: Real
+    error: Real
+    accepted: bool
+    resolution: str
+    why: str = ""
+
+
+@dataclass(frozen=True, config=RECORD)
+class Decoys:
+    """Candidates that cannot be right: how many of those tried were accepted."""
+
+    accepted: int
+    tried: int
