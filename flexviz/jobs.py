@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import itertools
+import math
 import multiprocessing.connection as mpc
 import os
 import queue
@@ -35,7 +36,7 @@ from flexviz.progress import ProgressCallback, StopCallback
 
 Result = TypeVar("Result")
 Kind = Literal["progress", "done", "stopped", "failed"]
-STOP_GRACE = 5.0  # [s] a stopped task may take to end by itself before its process is replaced
+STOP_GRACE = 5.0  # [s] that a stopped task whose result nobody wants may take before its process is replaced
 _CHILD = "import sys; from flexviz.jobs import child_main; child_main(int(sys.argv[1]))"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -60,7 +61,6 @@ class Task(ABC, Generic[Result]):
     """A kind of work: a frozen dataclass whose fields are its arguments. It is pickled to reach the child."""
 
     in_process: ClassVar[bool] = True  # whether it runs in the child process, else in a thread of this one
-    patience: ClassVar[int] = 1  # how many times STOP_GRACE it may take to conclude what it has found
 
     @abstractmethod
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Result:
@@ -123,6 +123,12 @@ class Job:
     task: Task[Any]
     listener: Callable[[JobEvent], None]
     stop: threading.Event = field(default_factory=threading.Event)
+    deadline: float = math.inf  # of a stopped one [s, monotonic]
+
+    def end(self, grace: float) -> None:
+        """Ask the task to stop within `grace` [s]."""
+        self.deadline = min(self.deadline, time.monotonic() + grace)
+        self.stop.set()
 
     def tell(self, kind: Kind, value: Any = None) -> None:
         """Tell the listener."""
@@ -164,12 +170,16 @@ class Worker:
             old.tell("stopped")
         return job
 
-    def stop(self, kind: type[Task[Any]] = Task) -> None:
-        """Ask the running task to stop and drop the waiting ones, where they are of this class."""
+    def stop(self, kind: type[Task[Any]] = Task, grace: float | None = None) -> None:
+        """Ask the running task to stop and drop the waiting ones, where they are of this class.
+
+        A task in the child process that has not ended after `grace` [s] (None: `STOP_GRACE`) is ended with
+        its process; infinite: it may take its time to conclude what it has found.
+        """
         with self._change:
             stale = self._drop(lambda waiting: isinstance(waiting, kind))
             if self._current is not None and isinstance(self._current.task, kind):
-                self._current.stop.set()
+                self._current.end(STOP_GRACE if grace is None else grace)
         for job in stale:
             job.tell("stopped")
 
@@ -215,12 +225,12 @@ class Worker:
         new = [preparation for preparation in _preparations if preparation not in child.prepared]
         child.send("run", job.number, (new, job.task))
         child.prepared += new
-        asked, grace = None, job.task.patience * STOP_GRACE
+        asked = False
         while True:
-            if job.stop.is_set() and asked is None:
-                asked = time.monotonic()
+            if job.stop.is_set() and not asked:
+                asked = True
                 child.send("stop", job.number)
-            if self._closed or (asked is not None and time.monotonic() - asked > grace):
+            if self._closed or time.monotonic() > job.deadline:
                 child.kill()
                 raise Cancelled
             for kind, value in child.receive(0.02):

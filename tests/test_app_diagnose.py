@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 import zipfile
 from collections.abc import Iterator
@@ -212,6 +213,29 @@ def test_a_stopped_search_changes_nothing(app: Application) -> None:
     wait(app)
     assert app.store.analysis.diagnosis is None and "stopped" in status(app)
     assert not diagnose_step(app)._find.disabled and app.dock._undo.disabled
+
+
+def test_a_second_stop_ends_at_once_but_a_double_click_does_not(
+    app: Application, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reopen(app, sessions_dir() / DEMO)
+    use(app, "Find the missing effect")
+    stop, graces = app.store.tasks.stop, list[float]()
+
+    def noted(kind: Any, grace: float) -> None:
+        graces.append(grace)
+        stop(kind, grace)
+
+    monkeypatch.setattr(app.store.tasks, "stop", noted)
+    use(app, "Stop")
+    assert "Stop again ends it at once" in status(app)
+    use(app, "Stop")
+    assert graces == [math.inf]
+    monkeypatch.setattr("flexviz.app.store.DOUBLE_CLICK", 0.0)
+    use(app, "Stop")
+    assert graces == [math.inf, 0.0]
+    wait(app)
+    assert app.store.analysis.diagnosis is None and not diagnose_step(app)._find.disabled
 
 
 def test_a_tie_offers_the_motion_that_decides(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:

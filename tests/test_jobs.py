@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import queue
 import signal
@@ -77,6 +78,20 @@ class WasteTime(Task[None]):
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
         progress(Progress("begun"))
         time.sleep(600)
+
+
+@dataclass(frozen=True)
+class Conclude(Task[str]):
+    """Takes this long [s] to conclude what it has found."""
+
+    seconds: float
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> str:
+        progress(Progress("begun"))
+        while not should_stop():
+            time.sleep(0.005)
+        time.sleep(self.seconds)
+        return "what was found"
 
 
 @dataclass(frozen=True)
@@ -215,6 +230,20 @@ def test_a_job_that_does_not_stop_is_ended(worker: Worker, monkeypatch: pytest.M
     assert ears.until_end()[1].kind == "stopped"
     worker.submit(Count(1), ears)
     assert ears.until_end()[1].value == 1
+
+
+def test_what_a_user_stops_may_take_its_time_until_stopped_again(
+    worker: Worker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexviz.jobs.STOP_GRACE", 0.1)
+    for seconds, again, kind in ((1.0, False, "done"), (600.0, True, "stopped")):
+        ears = Ears()
+        worker.submit(Conclude(seconds), ears)
+        assert ears.until_progress().text == "begun"
+        worker.stop(grace=math.inf)
+        if again:
+            worker.stop(grace=0.0)
+        assert ears.until_end()[1].kind == kind
 
 
 def test_one_other_process_with_one_thread(worker: Worker) -> None:

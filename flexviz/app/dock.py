@@ -72,7 +72,7 @@ class Dock:
         off(self._undo, "" if undo else "nothing to do", f"undoes: {undo}")
         off(self._redo, "" if redo else "nothing to do", f"redoes: {redo}")
         why = "" if store.running else "nothing is running"
-        off(self._stop, why, "stops the running task and keeps its results")
+        off(self._stop, why, "stops the running task and keeps its results; again: at once, without them")
 
     def _progress(self) -> None:
         """Show the progress; an unknown share is drawn as full."""

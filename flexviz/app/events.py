@@ -72,10 +72,10 @@ class TaskRunner:
         """Whether a task is running or waiting."""
         return any(worker.busy for worker in self._workers.values())
 
-    def stop(self, kind: type[Task[Any]] = Task) -> None:
-        """Ask running tasks of this class to stop, and drop the waiting ones."""
+    def stop(self, kind: type[Task[Any]] = Task, grace: float | None = None) -> None:
+        """Ask running tasks of this class to stop, and drop the waiting ones; see `Worker.stop`."""
         for worker in self._workers.values():
-            worker.stop(kind)
+            worker.stop(kind, grace)
 
     def close(self) -> None:
         """Stop everything and end the child process."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
@@ -54,6 +55,7 @@ class Activity:
 
     task: Task[Any]
     share: float  # done, 0 … 1; 1 if unknown
+    stopped: float = math.inf  # when it was asked to stop [s, monotonic]
 
 
 @dataclass(eq=False)

@@ -129,8 +129,6 @@ class Diagnose(SetTask[DiagnosedSet]):
     diagnosis, then the iterations of the identification.
     """
 
-    patience = 6
-
     analysis: Analysis
     known: Bandwidth | None
     apply: bool

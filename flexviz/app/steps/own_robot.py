@@ -95,8 +95,8 @@ class OwnRobot:
 
     def hide(self) -> None:
         """Hide the form; what it waits for is stopped."""
-        if self._store.runs(LookAtFiles) or self._store.runs(ImportOwn):
-            self._store.stop()
+        for kind in (LookAtFiles, ImportOwn):
+            self._store.tasks.stop(kind)
         self._own, self._due = None, False
         self.folder.visible = self._body.visible = False
 
@@ -109,7 +109,7 @@ class OwnRobot:
         """Read the files if that is due and nothing is running; else say what happens."""
         store, names = self._store, ", ".join(path.name for path in (self._urdf, *self._logs))
         if self._due and store.runs(LookAtFiles):
-            store.stop()  # and then begins again
+            store.tasks.stop(LookAtFiles)  # and then begins again
         elif self._due and not store.running:
             self._due = False
             store.await_task(
