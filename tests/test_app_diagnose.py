@@ -9,6 +9,7 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -220,6 +221,7 @@ def test_a_second_stop_ends_at_once_but_a_double_click_does_not(
 ) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Find the missing effect")
+    until(app, lambda: app.store.message.text != "looking")  # it has begun
     stop, graces = app.store.tasks.stop, list[float]()
 
     def noted(kind: Any, grace: float) -> None:
