@@ -96,7 +96,7 @@ def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, he
     """A page whose plots are there; what goes wrong on it is added to `errors`."""
     # reduced motion: a number that counts down is no result yet
     page = chromium.new_page(viewport={"width": width, "height": height}, reduced_motion="reduce")
-    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("pageerror", lambda error: errors.append(f"{error}\n{error.stack}"))
     page.set_default_timeout(PATIENCE)
     page.add_init_script(PLAIN_SCENE)
     page.goto(address)
