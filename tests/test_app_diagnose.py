@@ -233,7 +233,7 @@ def test_a_second_stop_ends_at_once_but_a_double_click_does_not(
     assert "Stop again ends it at once" in status(app)
     use(app, "Stop")
     assert graces == [math.inf]
-    monkeypatch.setattr("flexviz.app.store.DOUBLE_CLICK", 0.0)
+    monkeypatch.setattr("flexviz.app.state.DOUBLE_CLICK", 0.0)
     use(app, "Stop")
     assert graces == [math.inf, 0.0]
     wait(app)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
@@ -25,6 +26,7 @@ from flexviz.scene import LAYOUTS, VIEWS, RobotMotion, RobotShape, measured_moti
 from flexviz.session import HISTORY, Session
 from flexviz.simulation import Run
 
+DOUBLE_CLICK = 1.0  # [s] within which a second press is not meant
 KEPT_RESULTS = 8  # with simulated motions and maps
 Tone = Literal["", "busy", "warn", "bad"]
 
@@ -49,13 +51,21 @@ class Message:
     tone: Tone = ""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Activity:
     """The task that the user waits for."""
 
     task: Task[Any]
     share: float  # done, 0 … 1; 1 if unknown
-    stopped: float = math.inf  # when it was asked to stop [s, monotonic]
+    stopped: float | None = None  # when it was asked to stop [s, monotonic]
+
+    def stop(self) -> float | None:
+        """How long it may take to stop [s]: at first as long as it wants; None for a double click."""
+        now, asked = time.monotonic(), self.stopped
+        if asked is None:
+            self.stopped = now
+            return math.inf
+        return 0.0 if now - asked > DOUBLE_CLICK else None
 
 
 @dataclass(eq=False)

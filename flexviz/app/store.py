@@ -43,7 +43,6 @@ from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import progress_text, shown_errors, worst_joint
 
-DOUBLE_CLICK = 1.0  # [s] within which a second press is not meant
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 
 
@@ -317,23 +316,17 @@ class Store(ChangeSignal):
             self.say(progress_text(self.fit.iterations), "busy")
             return
         if self.activity is not None:
-            self.activity, before = replace(self.activity, share=news.share or 0.0), self.search
+            self.activity.share, before = news.share or 0.0, self.search
             self.news, self.search = news, before.updated(news)
             self.tell(Changed.PROGRESS if self.search is before else Changed.PROGRESS | Changed.SEARCH)
-        if self.activity is None or self.activity.stopped == math.inf:
+        if self.activity is None or self.activity.stopped is None:
             self.say(news.line, "busy")
 
     def stop(self) -> None:
         """Stop the activity, which concludes what it has found however long that takes; again: at once."""
-        if self.activity is None:
-            return
-        kind, now = type(self.activity.task), time.monotonic()
-        if self.activity.stopped == math.inf:
-            self.activity = replace(self.activity, stopped=now)
-            self.tasks.stop(kind, math.inf)
+        if self.activity is not None and (grace := self.activity.stop()) is not None:
+            self.tasks.stop(type(self.activity.task), grace)
             self.say("stopping: what was found is kept; Stop again ends it at once", "busy")
-        elif now - self.activity.stopped > DOUBLE_CLICK:
-            self.tasks.stop(kind, 0.0)
 
     @property
     def running(self) -> bool:

@@ -11,6 +11,7 @@ import viser
 
 from flexviz.app.explained import ExplainedHtml
 from flexviz.app.page import put
+from flexviz.app.viser_private import put_together
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, TIME, Chart, ChartAxis
 from flexviz.wording import escape
@@ -27,7 +28,7 @@ class UplotChart:
     """One chart; `show` sends only the changes."""
 
     def __init__(self, server: viser.ViserServer, chart: Chart, order: float) -> None:
-        self._server, self._chart = server, chart
+        self._chart = chart
         self._columns = columns(chart)
         self._look = _look(chart, self._columns[0])
         self._at: int | None = None  # row of the playhead
@@ -48,13 +49,9 @@ class UplotChart:
         before, self._chart = self._chart, chart
         self._columns, self._at, self._level = drawn, None, LEVELS[0]
         look, self._look = self._look, _look(chart, drawn[0])
-        with self._server.atomic():
-            for name, value in self._look.items():
-                if value != look[name]:
-                    setattr(self._handle, name, value)
-            if before.heading != chart.heading:
-                self._handle.title = chart.heading
-            self._handle.data = self._data()
+        if (before.heading, look) != (chart.heading, self._look):
+            put_together(self._handle, **self._look, title=chart.heading, data=self._data())
+        self._handle.data = self._data()  # always the last: earlier data do not fit into a later look
 
     def visible(self, on: bool) -> None:
         put(self._handle, visible=on)

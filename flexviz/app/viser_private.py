@@ -135,6 +135,21 @@ def guard_messages(server: viser.ViserServer) -> None:
     websocket.register_handler(messages.GuiUpdateMessage, checked)
 
 
+def put_together(handle: Any, **values: Any) -> None:
+    """Set properties of a control in one message.
+
+    Each property that is set alone travels in a message of its own, and of many messages, also of an atomic
+    group, a page may draw the first 128 before the others arrive: then uPlot fails, for instance, if a chart
+    has its new series and still its old data.
+    """
+    sent = {}
+    for name, value in values.items():
+        sent[name] = handle._cast_value_recursive(handle._prop_hints[name], value, name)
+        setattr(handle._impl.props, name, sent[name])
+    interface = handle._impl.gui_api._websock_interface
+    interface.queue_message(messages.GuiUpdateMessage(handle._impl.uuid, sent))
+
+
 def guard_uploads(server: viser.ViserServer) -> None:
     """Accept uploads only for upload buttons, limited in number and size."""
     websocket, gui = server._websock_server, server.gui
