@@ -2,7 +2,7 @@
 // playback, columns as tabs, the tab that follows the task, and reports of the canvas for the camera.
 if (window.flexvizPage && !window.flexvizPage.layout) {
   window.flexvizPage.layout = true;
-  const viser = window.flexvizViser, tell = window.flexvizPage.tell, root = document.documentElement;
+  const viser = window.flexvizViser, { tell, quiet } = window.flexvizPage, root = document.documentElement;
   const WATCH = 200, BEAT = 2000, SETTLED = 2;  // [ms], [ms], looks at the page that must agree
   const MOVE = 4;  // [px] a press may move; more turns the camera
   const make = (tag, text = '', attributes = {}) => {
@@ -150,7 +150,7 @@ if (window.flexvizPage && !window.flexvizPage.layout) {
     const text = screen(), due = Date.now() - when > BEAT;
     same = text === before ? same + 1 : 0;
     before = text;
-    if (!now && !due && (text === sent || same < SETTLED)) return;
+    if (!now && (!quiet() || (!due && (text === sent || same < SETTLED)))) return;
     [sent, when] = [text, Date.now()];
     tell('SCREEN', text);
   };

@@ -20,6 +20,18 @@ if (!window.flexvizPage) {
 
   const page = Math.random().toString(36).slice(2, 10);  // browsers must not write the same text twice
   let told = 0;
+  // viser sends only the last of what all controls change within 50 ms: what the page reports by itself waits for the
+  // user, and a text that was typed is sent once more when it is left
+  const QUIET = 100;  // [ms]
+  let used = -QUIET;
+  for (const kind of ['input', 'keydown', 'pointerdown', 'pointermove', 'pointerup']) {
+    window.addEventListener(kind, e => { if (kind !== 'pointermove' || e.buttons) used = performance.now(); }, true);
+  }
+  own.quiet = () => performance.now() - used > QUIET;
+  document.addEventListener('focusout', e => {
+    const control = viser.typed(e.target);
+    if (control) viser.send(control, e.target.value);
+  }, true);
   own.tell = (label, text) => inputs(label).slice(0, 1).forEach(input => type(input, `${page}.${told += 1} ${text}`));
 
   let down = null;

@@ -6,6 +6,11 @@ if (!window.flexvizViser) {
     nodes: () => scene().nodeRefFromName || {},  // objects of three.js by their names
     raycaster: node => node.__r3f && node.__r3f.root && node.__r3f.root.getState().raycaster,
     charts: () => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart),
+    send: (control, value) => scene().sendMessage({ type: 'GuiUpdateMessage', uuid: control, updates: { value } }),
+    typed: input => {  // the id of the control whose text this is
+      const row = input.matches('.mantine-TextInput-input') && input.closest('.mantine-Flex-root');
+      return row && row.querySelector('label').htmlFor;
+    },
     control: label => label.closest('.mantine-Flex-root'),
     upload: button => document.getElementById(`file_upload_${button.id}`),
     plot: place => place.closest('.uplot-container'),
