@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
@@ -17,6 +20,17 @@ def of_groups(plan: Plan, names: Sequence[str] = TWO, duration: float = 6.0) -> 
     """The plan with these groups only, of `duration` [s] each."""
     groups = tuple(replace(group, duration=duration) for group in plan.groups if group.name in names)
     return replace(plan, groups=groups)
+
+
+def shorten_presets(
+    monkeypatch: pytest.MonkeyPatch, groups: Sequence[str] = HELD_OUT, duration: float = 8.0
+) -> None:
+    """Let commands simulate a preset with these groups only, of `duration` [s] each."""
+
+    def short(*given: Any, **named: Any) -> Plan:
+        return of_groups(make_plan(*given, **named), groups, duration)
+
+    monkeypatch.setattr("flexviz.simulation.sets.make_plan", short)
 
 
 def planar_set(

@@ -164,7 +164,7 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
 
 def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
-    start = app.store.analysis
+    start = app.store.analysis.with_fit(refine=False)
     both = replace(DIAGNOSIS, findings=(COULOMB, replace(COULOMB, joint="joint1"), OFFSET))
     app.store.change("looked for the missing effect", start.with_diagnosis(both))
     step, states = diagnose_step(app), len(app.store.session.past)

@@ -86,7 +86,9 @@ def test_arrays_give_the_set_that_files_give(demo: MeasurementSet) -> None:
         initial_motor_inertia=demo.initial_motor_inertia,
     )
     assert not made.warnings and [g.name for g in made.validation_groups] == ["t4p2"]
-    result, expected = (flexviz.identify(one, effects=["coulomb_friction"]) for one in (made, demo))
+    result, expected = (
+        flexviz.identify(one, effects=["coulomb_friction"], refine=False) for one in (made, demo)
+    )
     assert [p.value for p in result.parameters] == [p.value for p in expected.parameters]
     assert result.residual.rms_validation == expected.residual.rms_validation
 

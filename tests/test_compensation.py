@@ -6,7 +6,6 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,8 +25,8 @@ from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.session import is_session
-from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
-from tests.planar_arm import HELD_OUT, of_groups
+from flexviz.simulation import make_plan, simulate_plan, write_plan
+from tests.planar_arm import of_groups, shorten_presets
 
 FRICTION = (
     EffectValue("coulomb_friction", "joint1", {"coulomb": 2.5}),
@@ -162,12 +161,7 @@ def test_compensate_record_compare(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Commands only; in the second recording the friction of joint 2 has grown by 0.4 Nm."""
-    make = make_plan
-
-    def short(*given: Any, **named: Any) -> Plan:
-        return of_groups(make(*given, **named), HELD_OUT, 8.0)
-
-    monkeypatch.setattr("flexviz.simulation.sets.make_plan", short)
+    shorten_presets(monkeypatch)
     a, b, out = tmp_path / "a", tmp_path / "b", tmp_path / "out.json"
     hidden = [word for text in HIDDEN for word in ("--effect", text)]
     assert (

@@ -25,6 +25,7 @@ from flexviz.estimation.score_test import Projection, explained
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
 from flexviz.measurements import read_set
+from flexviz.model import FlexibleModel
 from flexviz.observers import FlatZeroPhase
 from tests.covariances import dense_covariance
 
@@ -32,10 +33,16 @@ KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 
 
 @pytest.fixture(scope="module")
-def base(demo: Any) -> tuple[FitContext, Fit]:
+def plain(demo: Any) -> FlexibleModel:
+    """The fit of the demonstration without any effect."""
+    return identify(demo, refine=False).model
+
+
+@pytest.fixture(scope="module")
+def base(demo: Any, plain: FlexibleModel) -> tuple[FitContext, Fit]:
     layout = Layout(demo.joints)
     fit_context = FitContext(demo, layout)
-    return fit_context, fit_context.fit(layout, layout.vector(identify(demo).model), iterations=12)
+    return fit_context, fit_context.fit(layout, layout.vector(plain), iterations=12)
 
 
 def test_projection_agrees_with_taking_it_out_explicitly() -> None:
@@ -99,10 +106,10 @@ def test_pulses_and_steps_are_what_filtering_makes_of_them(demo: Any) -> None:
     np.testing.assert_allclose(context.steps_block(0, instants, 0)[:, inside], exact[:, inside], atol=3e-3)
 
 
-def test_fewer_samples_of_smooth_columns_suffice(demo: Any) -> None:
+def test_fewer_samples_of_smooth_columns_suffice(demo: Any, plain: FlexibleModel) -> None:
     signals = build_signals(demo, demo.groups[:1], FlatZeroPhase(2 * np.pi * 6))
     equation = Equation(demo.robot, signals, Layout(demo.joints))
-    context = equation.at(equation.layout.vector(identify(demo).model)).context
+    context = equation.at(equation.layout.vector(plain)).context
     motion = context.motions(0)[0]
     wave = np.sin(20 * motion.position)[None]
     (few,) = context.decimation(0, 3, 40 * float(np.abs(motion.velocity).max()))
@@ -116,13 +123,13 @@ def test_fewer_samples_of_smooth_columns_suffice(demo: Any) -> None:
     assert context.decimation(0, 3, 1e9) == [1]  # no grid is fine enough
 
 
-def test_residual_alone_is_the_residual(demo: Any) -> None:
+def test_residual_alone_is_the_residual(demo: Any, plain: FlexibleModel) -> None:
     signals = build_signals(demo, demo.groups[:2], FlatZeroPhase(2 * np.pi * 6))
     for names in ((), (ChosenEffect("coulomb_friction", 1),), (ChosenEffect("presliding_hysteresis", 0),)):
         layout = Layout(demo.joints, names)
         equation = Equation(demo.robot, signals, layout)
         x = np.zeros(layout.size)
-        x[: layout.effect_start] = Layout(demo.joints).vector(identify(demo).model)
+        x[: layout.effect_start] = Layout(demo.joints).vector(plain)
         x[layout.effect_start :] = 2.0
         seen = equation.at(x)
         np.testing.assert_allclose(seen.residual(x), seen.evaluate(x).residual, atol=1e-9)
@@ -166,7 +173,7 @@ def test_a_complete_model_leaves_hardly_more_than_noise(
     assert not fine.complete(replace(model, fit=one))  # a single joint is enough
 
 
-@pytest.mark.parametrize("said", range(1, 8))
+@pytest.mark.parametrize("said", [1, 2, 4, 7])
 def test_a_stop_at_any_time_gives_what_was_found_by_then(demo: Any, said: int) -> None:
     """And no more: no effect is added that the search had not accepted."""
     calls: list[bool] = []

@@ -13,6 +13,7 @@ import pytest
 from flexviz.diagnosis import Diagnosis
 from flexviz.effects import forget_effects
 from flexviz.measurements import MeasurementSet
+from tests.planar_arm import shorten_presets
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "user_effects.py")
@@ -54,6 +55,7 @@ def test_example_runs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    shorten_presets(monkeypatch)
     if script.stem == "batch":  # its workers import it
         done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr

@@ -39,7 +39,7 @@ def small(folder: Path) -> MeasurementSet:
 
 @pytest.fixture(scope="module")
 def found(small: MeasurementSet) -> Identification:
-    return identify(small, effects=["torque_offset:joint2"])
+    return identify(small, effects=["torque_offset:joint2"], refine=False)
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +251,7 @@ def test_all_formats_at_once(
 
 def test_result_of_identify(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = tmp_path / "result.json"
-    assert main(["identify", str(folder), "--json", str(result)]) == 0
+    assert main(["identify", str(folder), "--quick", "--json", str(result)]) == 0
     options = ["--result", str(result), "--to", "json", "--to", "yaml", "--to", "json"]
     assert main(["export", str(folder), "--out", str(tmp_path / "out"), *options]) == 0
     files = result, tmp_path / "out" / "parameters.json"

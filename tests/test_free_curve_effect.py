@@ -64,7 +64,7 @@ def bumpy(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
 
 @pytest.fixture(scope="module")
 def plain(bumpy: MeasurementSet) -> Identification:
-    return identify(bumpy)
+    return identify(bumpy, refine=False)
 
 
 @pytest.fixture(scope="module")

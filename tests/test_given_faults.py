@@ -42,7 +42,7 @@ def test_exchanged_columns(name: str, signals: str) -> None:
     folder = place(f"{name}-columns-swapped")
     issue = order_issue(issues_of_set(read_set(folder, logged=False)))
     assert issue.joints == ("joint1", "joint2") and issue.signal == signals
-    command = [sys.executable, "-m", "flexviz", "identify", str(folder)]
+    command = [sys.executable, "-m", "flexviz", "identify", "--quick", str(folder)]
     told = subprocess.run(command, capture_output=True, text=True, timeout=300).stderr
     assert "the columns of joint1 and joint2 exchanged" in told
 

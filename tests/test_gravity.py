@@ -23,6 +23,7 @@ from flexviz.robot import Robot
 from flexviz.simulation import Plan, make_plan, tilted_gravity
 from flexviz.view import remedy_text
 from tests.import_data import STIFFNESS, truth, write_mapping, write_robot
+from tests.planar_arm import shorten_presets
 from tests.small_set import TOML, write_small_set
 
 TURN = math.pi / 2
@@ -244,7 +245,8 @@ def test_the_commands_take_gravity(
 # -- everywhere else -----------------------------------------------------------------------------------------
 
 
-def test_a_simulated_set_is_mounted(tmp_path: Path) -> None:
+def test_a_simulated_set_is_mounted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shorten_presets(monkeypatch)
     plan = make_plan("planar-2r", ["base_tilt"], gravity=(9.81, 0.0, 0.0))
     assert plan.robot.gravity == (9.81, 0.0, 0.0)
     out = str(tmp_path / "set")

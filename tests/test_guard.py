@@ -29,7 +29,7 @@ EVERYTHING = ("coulomb_friction:joint2",)  # what the demonstration's robot has
 def model(measurements: MeasurementSet, effects: tuple[str, ...]) -> tuple[Layout, np.ndarray]:
     """A plain fit."""
     layout = Layout(measurements.joints, choose_effects(effects, measurements.joints))
-    return layout, layout.vector(identify(measurements, effects=effects).model)
+    return layout, layout.vector(identify(measurements, effects=effects, refine=False).model)
 
 
 @pytest.fixture(scope="module")

@@ -21,12 +21,13 @@ from flexviz.noise import white_noise
 from flexviz.observers import FlatZeroPhase
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
-from flexviz.simulation import simulate_preset
+from flexviz.simulation import make_plan, simulate_plan, write_plan
 from tests.covariances import dense_covariance
-from tests.planar_arm import planar_set
+from tests.planar_arm import of_groups, planar_set
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 CLEAN = SHARED / "practice" / "cases" / "2r-none-19"
+PANDA = ("t1p1", "t2p2", "t3p3")  # of its groups
 KUKA = SHARED / "real" / "kuka_kr300"
 
 
@@ -138,8 +139,8 @@ def test_a_validation_group_is_never_fitted(demo):
 
 
 def test_panda_within_five_percent_where_identifiable(tmp_path):
-    out = tmp_path / "panda"
-    simulate_preset("panda", out, seed=3)
+    plan = of_groups(make_plan("panda"), PANDA, 8.0)
+    out = write_plan(plan, simulate_plan(plan, 3), tmp_path / "panda", 3)
     truth = truth_of(out)
     result = identify(read_set(out))
     stiffness = [p for p in result.parameters if p.name == "stiffness"]
