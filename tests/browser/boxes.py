@@ -86,14 +86,16 @@ PROJECTED = """() => {
 }"""
 
 
-def robots_in_view(page: Any) -> list[str]:
+def robots_in_view(page: Any, face_on: bool = True) -> list[str]:
     """What is wrong with the picture of the two robots, from where their bodies' origins are drawn.
 
-    The measured one is on the left at the same height, all bodies are on the canvas and under no panel.
+    The measured one is on the left, `face_on` at the same height (of robots that are seen at an angle, one is
+    nearer); all bodies are on the canvas and under no panel.
     """
     seen = page.evaluate(PROJECTED)
     left, right, wrong = seen["measured"], seen["identified"], []
-    if left[0] >= right[0] or abs(left[1] - right[1]) > 0.05 * seen["height"]:
+    level = abs(left[1] - right[1]) <= 0.05 * seen["height"] or not face_on
+    if left[0] >= right[0] or not level:
         wrong.append(f"measured at {left}, identified at {right}")
     for x, y in seen["parts"]:
         inside = 0 <= x <= seen["width"] and 0 <= y <= seen["height"]

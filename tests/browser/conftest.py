@@ -19,6 +19,7 @@ from tests.browser.page import (
     PLAIN_SCENE,
     SPARE_FRAMES,
     close_notices,
+    pause,
     picture,
     tab,
 )
@@ -107,16 +108,23 @@ def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, he
     return page
 
 
+def rested(page: Any) -> Any:
+    """A page whose robots rest: to draw them while they play costs a third of a core."""
+    if page.viewport_size["width"] > 700:  # a narrower one has no button for it
+        pause(page)
+    return page
+
+
 @pytest.fixture
 def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callable[..., Any]]:
-    """open_page(address, width, height) -> a page whose plots are there; errors of the page fail the test."""
+    """open_page(address, width, height) -> a page whose robots rest; errors of the page fail the test."""
     pages: list[Any] = []
     request.node.pages = pages
     errors: list[str] = []
 
     def open_(*arguments: Any) -> Any:
         pages.append(opened(chromium, errors, *arguments))
-        return pages[-1]
+        return rested(pages[-1])
 
     yield open_
     for page in pages:
@@ -133,7 +141,7 @@ def address(serve: Callable[..., str]) -> str:
 @pytest.fixture(scope="module")
 def _shared_page(chromium: Any, address: str) -> Iterator[tuple[Any, list[str]]]:
     errors: list[str] = []
-    page = opened(chromium, errors, address, 1440, 900)
+    page = rested(opened(chromium, errors, address, 1440, 900))
     yield page, errors
     page.close()
 

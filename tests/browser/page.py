@@ -200,6 +200,17 @@ def pin(page: Any) -> None:
         found.click()
 
 
+def dark(page: Any, on: bool = True, back_to: str = "Data") -> None:
+    """Turn the open page to the dark theme, or back to the light one; then to this step."""
+    press(page, "Data", lambda: labels(page, "Dark theme").count() == 1)
+    tick(page, "Dark theme", on)
+    wanted = "dark" if on else "light"
+    scheme = "document.documentElement.dataset.mantineColorScheme"
+    until(lambda: page.evaluate(scheme) == wanted, SOON, f"the {wanted} theme")
+    if back_to != "Data":
+        press(page, back_to, lambda: labels(page, "Dark theme").count() == 0)
+
+
 def charts(page: Any) -> dict[str, list[list[float]]]:
     """Title -> data of every chart on the page."""
     return page.evaluate(

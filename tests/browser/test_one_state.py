@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from tests.browser.page import (
+    EXAMPLE_SET,
     SOON,
     button,
     chart,
     choose,
-    pause,
+    dark,
     pin,
     press,
     row,
@@ -58,13 +59,18 @@ def residual(page: Any, start: str = "Residual, joint2") -> Any:
     return page.evaluate(STYLES, start)
 
 
-@pytest.mark.parametrize("dark", [False, True])
+def in_both_themes(page: Any, shot: Any, name: str, step: str = "Diagnose") -> None:
+    """Pictures of what is on the page in a step, in the dark theme and in the light one, which stays."""
+    for theme in ("dark", "light"):
+        dark(page, theme == "dark", back_to=step)
+        shot(page, f"{name}-{theme}")
+        well_laid_out(page)
+
+
 def test_after_a_run_no_text_is_of_the_model_before(
-    serve: Callable[..., str], open_page: Any, shot: Any, dark: bool
+    serve: Callable[..., str], open_page: Any, shot: Any
 ) -> None:
-    theme = "dark" if dark else "light"
-    page = open_page(serve() + ("/?darkMode" if dark else ""), 1280, 800)
-    pause(page)
+    page = open_page(serve(EXAMPLE_SET), 1280, 800)
     pin(page)
     choose(page, "Joint", "joint2")
     button(page, "Diagnose").click()
@@ -87,12 +93,11 @@ def test_after_a_run_no_text_is_of_the_model_before(
     assert after["axis"] == pytest.approx(first["axis"])
     _, before, now, *_ = chart(page, "Residual, joint2 [Nm]")
     assert np.std(now) < np.std(before) / 20
-    shot(page, f"before-after-{theme}")
-    well_laid_out(page)
+    in_both_themes(page, shot, "before-after")
     tick(page, "Zoom to present")
     until(lambda: residual(page)["axis"][1] < first["axis"][1] / 5, SOON, "the zoom")
     chart(page, "Residual, joint2 [Nm]")
-    shot(page, f"zoomed-{theme}")
+    in_both_themes(page, shot, "zoomed")
     tab(page, "Where it fails").click()
     assert row(page, "Zoom to present").get_by_role("checkbox").is_checked()
     tick(page, "Zoom to present", False)
@@ -117,7 +122,7 @@ def test_after_a_run_no_text_is_of_the_model_before(
     tab(page, "Compare").click()
     run = "Run with Coulomb friction on joint2: eso, 80 rad/s, plain fit"
     until(lambda: f"{run} ● shown" in page.inner_text("body"), 60, "the run in the staircase")
-    shot(page, f"run-compare-{theme}")
+    in_both_themes(page, shot, "run-compare", "Identify")
     said = everything(page)
     for where, text in said.items():
         for of_old in ("Nothing is missing", "model 1 (", "Done", old[0], "not missing", "Diagnose ✓"):
@@ -126,8 +131,7 @@ def test_after_a_run_no_text_is_of_the_model_before(
     assert "of an earlier model · look again" in verdict.inner_text()
     assert verdict.locator("s").inner_text().startswith("Nothing is missing")
     assert "▲ rises" in said["Compare"]
-    shot(page, f"run-diagnose-{theme}")
-    well_laid_out(page)
+    in_both_themes(page, shot, "run-diagnose")
 
     # Compare with draws the other model's residual on that axis
     row(page, "Compare with").get_by_role("button", name="0", exact=True).click()
@@ -136,8 +140,7 @@ def test_after_a_run_no_text_is_of_the_model_before(
     tab(page, "Signals").click()
     until(lambda: residual(page)["lines"][0][0].startswith("model 0 ("), SOON, "the other model's residual")
     assert residual(page)["axis"][1] >= 0.999 * first["axis"][1]
-    shot(page, f"beside-{theme}")
-    well_laid_out(page)
+    in_both_themes(page, shot, "beside")
 
     # with the state the verdict comes back
     for action in ("identified", "bandwidth", "observer eso"):

@@ -13,6 +13,7 @@ from tests.browser.page import (
     button,
     chart,
     choose,
+    dark,
     labels,
     pause,
     pixels,
@@ -139,25 +140,51 @@ def factor(page: Any, gain: int, signal: str = "θ") -> float:
     return float(row(page, f"β{gain} {signal} ×").get_by_role("textbox").first.input_value())
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any, dark: bool) -> None:
-    theme = "dark" if dark else "light"
-    page = open_page(address + ("/?darkMode" if dark else ""), 1280, 800)
-    pause(page)
+def body(page: Any) -> str:
+    return page.inner_text("body").replace("\n", " ")
+
+
+def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any) -> None:
+    page = open_page(address, 1280, 800)
     identified(page)
     button(page, "Observer").click()
     choose(page, "Observer type", "eso")
     unfold(page, "Gains of the ESO", labels(page, "β5 θ ×"))
-
-    def body() -> str:
-        return page.inner_text("body").replace("\n", " ")
-
-    until(lambda: "Poles of θ: −20.0 (6 times); of τ: the same" in body(), 60, "the poles")
+    until(lambda: "Poles of θ: −20.0 (6 times); of τ: the same" in body(page), 60, "the poles")
     until(button(page, "Use these gains").is_disabled, SOON, "no use of these")
     until(lambda: cards(page) or button(page, "Observer").click(), 60, "the residuals")
     assert [factor(page, i) for i in range(1, 7)] == [1.0] * 6
+    a_pole_is_dragged(page, shot, "light")
+    the_pole_stays_where_no_gain_places_it(page)
+    unstable_gains_cannot_be_used(page, shot, "light")
+    stable_ones_can(page, shot, "light")
+    button(page, "Use these gains").click()
+    until(lambda: "gains set by hand" in body(page) and factor(page, 1, "τ") == 1.1, 60, "the gains in use")
+    button(page, "Undo").click()
+    until(lambda: "gains set by hand" not in body(page), 60, "the undo")
+    button(page, "Redo").click()
+    until(lambda: "gains set by hand" in body(page), 60, "the redo")
+    back(page)
+    until(lambda: "gains set by hand" not in body(page), 60, "(s+w)⁶")
+    # what is coloured, in the dark theme
+    until(row(page, "Same gains for θ and τ").get_by_role("checkbox").is_checked, SOON, "its tick")
+    dark(page, back_to="Observer")
+    unfold(page, "Gains of the ESO", labels(page, "β5 θ ×"))
+    a_pole_is_dragged(page, shot, "dark")
+    back(page)
+    unstable_gains_cannot_be_used(page, shot, "dark")
+    stable_ones_can(page, shot, "dark")
 
-    # a pole is dragged off the axis: its conjugate, the sliders and the large plot follow, the frame stays
+
+def back(page: Any) -> None:
+    """Back to (s+w)⁶."""
+    button(page, "Back to (s+w)^6").click()
+    until(lambda: "−20.0 (6 times)" in body(page), SOON, "(s+w)⁶")
+    until(lambda: all(factor(page, gain) == 1.0 for gain in range(1, 7)), SOON, "its factors")
+
+
+def a_pole_is_dragged(page: Any, shot: Any, theme: str) -> None:
+    """Off the axis: its conjugate, the sliders and the large plot follow, the frame stays."""
     fitted = chart(page, "Residual, joint1")
     x, y = resting(page)[0]
     frame = page.evaluate(FRAME)
@@ -165,39 +192,44 @@ def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any, dark: bo
     page.mouse.down()
     page.mouse.move(x + 10, y - 20, steps=3)
     page.mouse.move(x + 20, y - 40, steps=3)
-    until(lambda: re.search(r"Poles of θ: −1\d\.\d ± 1\d\.\di, −20\.0 \(4 times\)", body()), SOON, "a pair")
+    pair = r"Poles of θ: −1\d\.\d ± 1\d\.\di, −20\.0 \(4 times\)"
+    until(lambda: re.search(pair, body(page)), SOON, "a pair")
     until(lambda: chart(page, "Residual, joint1")[2] != fitted[2], SOON, "the large plot, still dragging")
     shot(page, f"dragging-{theme}")
     page.mouse.up()
     # w − a and b of the pair by the picture's scale; the closed form of (u² + 2au + a² + b²)(u + 1)⁴
-    a, b = (float(part) for part in re.search(r"θ: −([\d.]+) ± ([\d.]+)i", body()).groups())  # type: ignore[union-attr]
+    a, b = (float(part) for part in re.search(r"θ: −([\d.]+) ± ([\d.]+)i", body(page)).groups())  # type: ignore[union-attr]
     assert factor(page, 1) == pytest.approx((2 * a / 20 + 4) / 6, abs=0.02)
     assert factor(page, 6) == pytest.approx((a**2 + b**2) / 400, abs=0.02)
     assert page.evaluate(FRAME) == frame
     lower, upper = sorted(point[1] for point in page.evaluate(POLES))[::5]
     assert (lower + upper) / 2 == pytest.approx(y, abs=1.5)
 
-    # where no gain from .3 to 3 places it the pole stays, and why is said; unstable gains cannot be used
+
+def the_pole_stays_where_no_gain_places_it(page: Any) -> None:
+    """No gain from .3 to 3; why is said."""
     x, y = max(resting(page), key=lambda point: -point[1])
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x - 120, y - 40, steps=4)
     page.mouse.up()
-    until(
-        lambda: re.search(r"The pole stays: β\d would be [\d.]+ times that of \(s\+w\)⁶", body()), SOON, "why"
-    )
-    button(page, "Back to (s+w)^6").click()
-    until(lambda: "−20.0 (6 times)" in body(), SOON, "(s+w)⁶")
+    why = r"The pole stays: β\d would be [\d.]+ times that of \(s\+w\)⁶"
+    until(lambda: re.search(why, body(page)), SOON, "why")
+    back(page)
+
+
+def unstable_gains_cannot_be_used(page: Any, shot: Any, theme: str) -> None:
     for gain, end in ((2, "Home"), (4, "End")):
         row(page, f"β{gain} θ ×").get_by_role("slider").focus()
         page.keyboard.press(end)
-    until(lambda: "make the observer unstable" in body(), SOON, "the refusal")
+    until(lambda: "make the observer unstable" in body(page), SOON, "the refusal")
     until(button(page, "Use these gains").is_disabled, SOON, "no use of these")
     shot(page, f"gains-unstable-{theme}")
-    button(page, "Back to (s+w)^6").click()
-    until(lambda: factor(page, 2) == factor(page, 4) == 1.0, SOON, "(s+w)⁶ again")
+    back(page)
 
-    # stable ones are used, for τ apart, and Undo takes them back
+
+def stable_ones_can(page: Any, shot: Any, theme: str) -> None:
+    """For τ apart; they are not used yet."""
     tick(page, "Same gains for θ and τ", False)
     typed = row(page, "β1 τ ×").get_by_role("textbox").first
     typed.fill("1.1")
@@ -205,11 +237,3 @@ def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any, dark: bo
     until(lambda: button(page, "Use these gains").is_enabled(), 60, "usable gains")
     well_laid_out(page)
     shot(page, f"gains-{theme}")
-    button(page, "Use these gains").click()
-    until(lambda: "gains set by hand" in body() and factor(page, 1, "τ") == 1.1, 60, "the gains in use")
-    button(page, "Undo").click()
-    until(lambda: "gains set by hand" not in body(), 60, "the undo")
-    button(page, "Redo").click()
-    until(lambda: "gains set by hand" in body(), 60, "the redo")
-    button(page, "Back to (s+w)^6").click()
-    until(lambda: "gains set by hand" not in body() and factor(page, 1) == 1.0, 60, "(s+w)⁶")
