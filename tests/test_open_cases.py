@@ -27,7 +27,7 @@ from flexviz.measurements import MeasurementSet, read_set
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.test_elimination import COULOMB, HIDDEN, OFFSETS, QUADRATIC, SIZES, TRIED, Linear, arm_with, same
 from tests.test_startup_friction import HIDDEN as STARTUP
-from tests.test_startup_friction import simulated, with_brakes
+from tests.test_startup_friction import simulated
 from tests.test_varying_size import with_growing_friction
 from tests.unknown_laws import Rough, set_with
 
@@ -180,11 +180,3 @@ def test_start_up_friction_is_all_that_moves_with_pauses_lack(
     result = diagnose(simulated(tmp_path_factory, STARTUP), apply=True)
     assert set(added(result)) == {"coulomb_friction:joint1", "startup_friction:joint1"}
     assert result.steps[-1].verdict == "nothing-missing"
-
-
-@pytest.mark.slow
-def test_start_up_friction_is_found_where_a_brake_holds_at_rest(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    result = diagnose(with_brakes(simulated(tmp_path_factory, STARTUP), 0), apply=True)
-    assert "startup_friction:joint1" in added(result)
