@@ -158,13 +158,6 @@ def test_backlash_beside_quadratic_friction(tmp_path: Path) -> None:
     assert set(added(result)) == {"backlash:joint1", "quadratic_friction:joint1"}
 
 
-@pytest.mark.slow
-def test_what_gains_most_at_the_noise_is_stated_surely(tmp_path: Path) -> None:
-    """Motor coupling gains 3768 ± 243 nats at the fine resolution and is stated at 10 %."""
-    result = studied(tmp_path, 79, "pair-2r-032-motor_coupling+stribeck_friction")
-    assert all(f.confidence > 0.9 for f in result.findings)
-
-
 @not_yet
 def test_imitations_of_a_law_of_no_library_are_not_stated_surely(tmp_path: Path) -> None:
     result = studied(tmp_path, 7, "unknown-2r-002-sawtooth_cogging")
