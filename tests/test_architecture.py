@@ -34,7 +34,6 @@ LAYERS = (
         "files",
         "resources",
         "progress",
-        "statistics",
         "fourier",
         "jobs",
         "parallel",
@@ -47,6 +46,7 @@ LAYERS = (
     (
         "_pinocchio",
         "_scipy",
+        "statistics",
         "robot",
         "urdf_checks",
         "urdf_inertias",

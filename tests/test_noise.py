@@ -264,7 +264,7 @@ def test_a_torque_that_is_nothing_but_noise_is_said(demo: MeasurementSet, spoil:
     assert check_signals(measurements)[1] == 1.0
     (note,) = noise_notes(measurements)
     assert note.kind == "noise" and "100 % of the torque of joint2" in note.text
-    result = identify(measurements)
+    result = identify(measurements, refine=False)
     assert result.residual.noise_share[1] == 1.0
     text = assessment(result.document())
     assert text.startswith("Poor: noise is 100 % of the torque of joint2, and hides what is smaller.")
@@ -294,7 +294,7 @@ def test_nothing_is_concluded_where_the_noise_exceeds_the_torque(diagnosed_demo:
 
 
 def test_an_identification_whose_noise_exceeds_the_torque_is_poor(demo: MeasurementSet) -> None:
-    result = identify(demo)
+    result = identify(demo, refine=False)
     spread = np.array(result.residual.torque_spread)
     floors = tuple((1.5 * spread).tolist())
     residual = _with_noise_share(replace(result.residual, noise_floor=floors), (0.0, 0.0))

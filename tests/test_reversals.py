@@ -32,6 +32,11 @@ def simulated(work: Path, name: str, seed: int = 47) -> MeasurementSet:
     return read_set(case_folder(work, name))
 
 
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    return simulated(tmp_path_factory.mktemp("large"), LARGE, 109)
+
+
 @pytest.mark.parametrize("acceleration", [3.0, 16.0, 80.0])
 def test_a_reversal_between_two_samples_has_its_pulses(acceleration: float) -> None:
     """However quick: between two samples the velocity passes all that friction needs to change sign."""
@@ -71,20 +76,19 @@ def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
     assert (first.effect, first.joint) == ("backlash", "joint1")
 
 
-def test_impacts_of_a_large_backlash_leave_only_noise(tmp_path: Path) -> None:
-    found = diagnose(simulated(tmp_path, LARGE, 109), apply=True)
+def test_impacts_of_a_large_backlash_leave_only_noise(large: MeasurementSet) -> None:
+    found = diagnose(large, apply=True)
     first = found.findings[0]
     assert (first.effect, first.joint) == ("backlash", "joint2") and first.confidence > 0.9
     assert found.steps[-1].verdict == "nothing-missing"
 
 
-def test_impacts_of_a_large_backlash_need_products_before_the_filter(tmp_path: Path) -> None:
-    measurements = simulated(tmp_path, LARGE, 109)
+def test_impacts_of_a_large_backlash_need_products_before_the_filter(large: MeasurementSet) -> None:
     effects = ["backlash:joint2"]
-    layout = layout_of(measurements, effects)
-    near = layout.vector(identify(measurements, effects=effects, refine=True).model)
-    after = FitContext(measurements, layout)
-    before = FitContext(measurements, layout, replace(SEARCH_WEIGHTING, products=True))
+    layout = layout_of(large, effects)
+    near = layout.vector(identify(large, effects=effects, refine=True).model)
+    after = FitContext(large, layout)
+    before = FitContext(large, layout, replace(SEARCH_WEIGHTING, products=True))
     assert after.fit(layout, near, iterations=6).chi.max() > 10.0  # products of filtered signals
     fit = before.fit(layout, near, iterations=6)
     assert fit.chi.max() < 1.3 and fit.chi_held_out.max() < 1.3

@@ -101,6 +101,12 @@ def test_a_diagnosis_finds_it_first_after_coulomb_friction(moves: MeasurementSet
     assert second.parameters["angle"].value == pytest.approx(0.02, rel=0.03)
 
 
+@pytest.mark.slow
+def test_it_is_found_where_a_brake_holds_at_rest(moves: MeasurementSet) -> None:
+    result = diagnose(with_brakes(moves, 0), apply=True, guarded=False)
+    assert "startup_friction:joint1" in [step.added.text for step in result.steps if step.added]
+
+
 def test_standstill_says_nothing_where_a_brake_holds_the_joint(moves: MeasurementSet) -> None:
     view = view_of(with_brakes(moves, 0))
     layout = Layout(moves.joints, (COULOMB,))

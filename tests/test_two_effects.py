@@ -14,17 +14,17 @@ from flexviz.measurements import read_set
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "name"),
+    ("seed", "name", "sure"),
     [
-        (79, "pair-2r-032-motor_coupling+stribeck_friction"),  # both at one place
-        (79, "pair-2r-015-stribeck_friction+quadratic_friction"),
-        (107, "pair-2r-010-cable_spring+friction_drift"),  # a torque ripple fits better than the spring alone
+        (79, "pair-2r-032-motor_coupling+stribeck_friction", None),  # both at one place
+        (79, "pair-2r-015-stribeck_friction+quadratic_friction", 1),
+        (107, "pair-2r-010-cable_spring+friction_drift", 1),  # a ripple fits better than the spring alone
     ],
 )
-def test_two_effects_are_found(seed: int, name: str, tmp_path: Path) -> None:
+def test_two_effects_are_found(seed: int, name: str, sure: int | None, tmp_path: Path) -> None:
     (case,) = selected(seed, name)
     make(tmp_path, case)
     result = diagnose(read_set(case_folder(tmp_path, name)), apply=True)
     assert {step.added.effect for step in result.steps if step.added} == set(case.effects)
     assert result.steps[-1].verdict == "nothing-missing"
-    assert result.findings[0].confidence > 0.9
+    assert result.findings and all(finding.confidence > 0.9 for finding in result.findings[:sure])

@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from flexviz._pinocchio import pin
-from flexviz._scipy import sp
 from flexviz.arrays import Array, Indices
 from flexviz.designing.settings import DesignSettings, Limits, choose_payloads, limits_of
 from flexviz.designing.subject import Subject
@@ -28,7 +27,7 @@ from flexviz.errors import InputError
 from flexviz.files import as_json, named_errors, whole_folder
 from flexviz.measurements import Holds, check_free
 from flexviz.robot import Robot
-from flexviz.statistics import NORMAL_95
+from flexviz.statistics import NORMAL_95, student_95
 from flexviz.wording import listed, number, percent, plural
 
 LEVELS = 7  # of the pushes, from one direction to the other
@@ -139,7 +138,7 @@ def push_errors(pushes: Array, noise: Array, passes: int) -> Array:
         0
     ]
     free = tau - basis @ (basis.T @ tau)
-    certain = float(sp.stats.t.ppf(0.975, len(tau) - basis.shape[1] - 1))
+    certain = float(student_95(len(tau) - basis.shape[1] - 1))
     return certain * noise / (pushes * np.linalg.norm(free))
 
 

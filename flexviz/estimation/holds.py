@@ -23,7 +23,7 @@ from flexviz.arrays import Array
 from flexviz.equation import Layout, LinkDynamics
 from flexviz.measurements import HoldGroup, MeasurementSet
 from flexviz.robot import Robot
-from flexviz.statistics import NORMAL_95
+from flexviz.statistics import NORMAL_95, student_95
 
 BY_LOAD = 4  # pushes beyond the parameters, from which friction may depend on the load
 DEPENDENT = 1e-3  # share of τ that is not along the nuisances, below which pushes show no stiffness
@@ -112,7 +112,7 @@ def _slope(parts: Sequence[_Pushes]) -> tuple[float, float, int] | None:
             loads.append(part.tau - friction)
             place += 1 + columns.shape[1]
     scatter = float(rest @ rest) / freedom
-    deviation = np.sqrt(scatter / (free @ free)) * float(sp.stats.t.ppf(0.975, freedom)) / NORMAL_95
+    deviation = np.sqrt(scatter / (free @ free)) * float(student_95(freedom)) / NORMAL_95
     return slope, max(float(deviation), 1e-9 * abs(slope) + 1e-300), len(theta)
 
 

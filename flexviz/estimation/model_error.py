@@ -21,13 +21,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation.covariance import Covariance
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, score, weighted_guesses
-from flexviz.statistics import NORMAL_95
+from flexviz.statistics import NORMAL_95, student_95
 
 NEGLIGIBLE = 1e-3  # share of a variance below which its uncertainty does not matter
 
@@ -150,4 +149,4 @@ def student_factor(total: Array, parts: Array) -> Array:
     squares = np.sum(parts**2, axis=0)
     certain = squares <= (NEGLIGIBLE * total) ** 2
     freedom = total**2 / np.where(certain, 1.0, squares)
-    return np.where(certain, 1.0, sp.stats.t.ppf(0.975, np.maximum(freedom, 1.0)) / NORMAL_95)
+    return np.where(certain, 1.0, student_95(np.maximum(freedom, 1.0)) / NORMAL_95)

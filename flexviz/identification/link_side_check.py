@@ -18,14 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.arrays import Array, Bools
 from flexviz.equation import LinkDynamics
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.records import ParameterEstimate
 from flexviz.results import LinkSide
-from flexviz.statistics import NORMAL_95
+from flexviz.statistics import NORMAL_95, student_95
 
 HERTZ = 5.0  # band in which deflections are compared
 SLOW = 0.01  # [rad/s] over which sign(θ̇) turns
@@ -144,7 +143,7 @@ def _regressed(stretches: Sequence[Stretch], j: int, covariance: Array) -> tuple
     pure = x[:, 0] - others @ np.linalg.lstsq(others, x[:, 0], rcond=1e-9)[0]
     moved = slopes[0] * np.concatenate(regressor).T @ pure / max(float(pure @ pure), np.finfo(float).tiny)
     variance += max(float(moved @ covariance @ moved), 0.0)
-    return slopes, float(sp.stats.t.ppf(0.975, count - 1) * np.sqrt(variance))
+    return slopes, float(student_95(count - 1) * np.sqrt(variance))
 
 
 def _entry(
