@@ -25,7 +25,7 @@ FLAGS = {"scale": "now", "points": {"show": False}}  # series of zeros and ones 
 
 
 class UplotChart:
-    """One chart; `show` sends only the changes."""
+    """One chart; `show` sends its data, and its look only if that has changed."""
 
     def __init__(self, server: viser.ViserServer, chart: Chart, order: float) -> None:
         self._chart = chart

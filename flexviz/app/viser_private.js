@@ -6,10 +6,14 @@ if (!window.flexvizViser) {
     nodes: () => scene().nodeRefFromName || {},  // objects of three.js by their names
     raycaster: node => node.__r3f && node.__r3f.root && node.__r3f.root.getState().raycaster,
     charts: () => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart),
-    send: (control, value) => scene().sendMessage({ type: 'GuiUpdateMessage', uuid: control, updates: { value } }),
+    send: (control, value) => {
+      const send = scene().sendMessage;
+      if (send) send({ type: 'GuiUpdateMessage', uuid: control, updates: { value } });
+    },
     typed: input => {  // the id of the control whose text this is
       const row = input.matches('.mantine-TextInput-input') && input.closest('.mantine-Flex-root');
-      return row && row.querySelector('label').htmlFor;
+      const label = row && row.querySelector('label[for]');
+      return label ? label.htmlFor : null;
     },
     control: label => label.closest('.mantine-Flex-root'),
     upload: button => document.getElementById(`file_upload_${button.id}`),
