@@ -1,6 +1,7 @@
 # make install   .venv with the locked versions, and flexviz in it
 # make serve     the app on bundled data   (ARGS="SET --port 9000" for something else)
 # make test      everything that is checked: style, types, tests
+# make slow      the long tests that `make test` leaves out, half an hour
 # make coverage  the tests again, with the share of the code that they run
 # make docs      the documentation as a static site in build/docs, its links checked
 # make lock      write requirements.lock anew from pyproject.toml
@@ -11,7 +12,7 @@ BIN := .venv/bin
 # of the tests: on two cores a third one works while the others wait for a browser
 JOBS ?= 3
 
-.PHONY: install serve test lint types pytest coverage browser format wheel docs lock clean
+.PHONY: install serve test slow lint types pytest coverage browser format wheel docs lock clean
 .DELETE_ON_ERROR:
 
 install: $(BIN)/.installed
@@ -50,8 +51,11 @@ types: install
 pytest: install browser
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
+slow: install browser
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m slow $(ARGS)
+
 coverage: install browser
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report=term $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "slow or not slow" --cov --cov-report=term $(ARGS)
 
 browser: install
 	@sh tests/browser/install_chromium.sh $(BIN)/python

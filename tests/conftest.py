@@ -1,8 +1,9 @@
-"""What is run (studies only with `-m study`), Ctrl+C in the background, the demonstration, its diagnosis."""
+"""What is run (long tests only when asked for), Ctrl+C in the background, the demonstration, its diagnosis."""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 
 # matrices are small, and tests share the cores already: more threads would only wait for one another
@@ -41,9 +42,11 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave studies out, whatever other marks are chosen; they are not skipped tests but work of an hour."""
-    if "study" in (config.getoption("markexpr") or ""):
-        return
-    studies = [item for item in items if item.get_closest_marker("study")]
-    config.hook.pytest_deselected(items=studies)
-    items[:] = [item for item in items if item not in set(studies)]
+    """Leave out what is long unless it is chosen by its mark, or by the names of tests."""
+    chosen = config.getoption("markexpr") or ""
+    marks = {"slow", "study"} - set(re.findall(r"\w+", chosen))
+    if any("::" in name for name in config.args):
+        marks.discard("slow")
+    left = {item for item in items if any(map(item.get_closest_marker, marks))}
+    config.hook.pytest_deselected(items=list(left))
+    items[:] = [item for item in items if item not in left]

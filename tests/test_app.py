@@ -290,7 +290,6 @@ def test_disabled_controls_say_why(app: Application) -> None:
     every_disabled_control_says_why(app, least=5)  # Undo, Redo, Stop, Report, Animation
 
 
-@pytest.mark.slow
 def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Run")

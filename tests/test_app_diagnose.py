@@ -33,7 +33,6 @@ from flexviz.view import model_curve_charts, staircase_charts
 from tests.app_running import reopen, running, send, status, until, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET, TIED_DIAGNOSIS
 
-pytestmark = pytest.mark.slow
 EFFECT = "coulomb_friction:joint2"
 
 
@@ -162,6 +161,7 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
     assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
 
 
+@pytest.mark.slow
 def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
     start = app.store.analysis.with_fit(refine=False)
@@ -262,6 +262,7 @@ def test_a_tie_offers_the_motion_that_decides(app: Application, monkeypatch: pyt
     assert not deciding.button.visible and not deciding.download.visible
 
 
+@pytest.mark.slow
 def test_a_change_meanwhile_wins(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Find the missing effect")
@@ -271,6 +272,7 @@ def test_a_change_meanwhile_wins(app: Application) -> None:
     assert app.store.analysis.diagnosis is None and "have changed in the meantime" in status(app)
 
 
+@pytest.mark.slow
 def test_free_curve_is_added_hatched_saved_and_taken_back(
     app: Application, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -160,6 +160,7 @@ def test_a_urdf_alone_is_offered_for_simulation_or_completes_a_set(app: Applicat
     assert app.store.measurements.path.name == "rest" and robot.options == (*PRESETS, "robot.urdf")
 
 
+@pytest.mark.slow
 def test_pages_are_sent_once_there_is_something_to_show(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -206,7 +207,6 @@ def test_a_quiz_hides_what_it_hides(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             SimulateQuiz(preset, effect).run(ignore, never)
 
 
-@pytest.mark.slow
 def test_a_real_quiz_opens_and_keeps_its_secret(app: Application) -> None:
     use(app, "Hide", "Torque offset")
     use(app, "Quiz me")

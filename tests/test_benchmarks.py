@@ -2,6 +2,8 @@
 
 import re
 
+import pytest
+
 from benchmarks import import_faults, real, speed
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
@@ -17,6 +19,7 @@ def test_speed_prints_ratios(capsys):
     assert "ESO, 20 s × 1 kHz × 7 joints" in printed
 
 
+@pytest.mark.slow
 def test_import_faults_prints_counts(capsys):
     import_faults.main([str(sessions_dir() / "planar-2r-demo")])
     printed = capsys.readouterr().out

@@ -291,7 +291,6 @@ def test_interrupt_in_the_middle_of_a_line(monkeypatch: pytest.MonkeyPatch) -> N
 # -- record and serve
 
 
-@pytest.mark.slow
 def test_record_writes_a_recording(
     demo_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -303,7 +302,6 @@ def test_record_writes_a_recording(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["demo.rrd", "demo.rrd.sha256"]
 
 
-@pytest.mark.slow
 def test_serve_answers_until_interrupted(demo_set: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "flexviz", "serve", str(demo_set), "--port", "0", "--no-browser"],

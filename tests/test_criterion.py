@@ -108,6 +108,7 @@ def compared(rng: np.random.Generator, rho: float, size: float) -> Gain:
     return gain(worse, better)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rho", "size"), [(0.0, 0.2), (0.0, 1.0), (0.7, 0.3)])
 def test_the_standard_error_is_the_scatter_of_repetitions_or_a_little_more(rho: float, size: float) -> None:
     rng = np.random.default_rng(4)

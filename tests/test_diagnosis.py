@@ -143,6 +143,7 @@ def test_one_hidden_effect(hidden: str, place: str, values: dict[str, float], tm
     assert [step.verdict for step in result.steps] == ["missing", "nothing-missing"]
 
 
+@pytest.mark.slow
 def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
     """A spring that is softer at some angles is neither backlash nor a hardening one."""
     measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
@@ -190,6 +191,7 @@ def test_practice(case):
         assert result.findings[0].parameters[name].value == pytest.approx(value, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")
 def test_an_error_that_pulses_leave_is_explained():
     result = diagnose(read_set(CASES / "2r-backlash"), apply=True)

@@ -122,6 +122,7 @@ def test_nothing_is_missing(seed: int, tmp_path: Path) -> None:
 STRANGE_DAILY = [("shaking", 201)]  # its neighbour is disturbed more than its joint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind, seed",
     [*STRANGE_DAILY, *(study(k, s) for k in STRANGE for s in STUDY if (k, s) not in STRANGE_DAILY)],

@@ -54,7 +54,6 @@ def added(folder: Path, seed: int, kind: str, robot: str) -> tuple[dict[str, Any
     return truth, [step.added for step in found.steps if step.added is not None]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("robot, seed", [("2r", 900), study("2r", 903), study("ur5", 900), study("ur5", 903)])
 def test_it_is_named_with_its_shares(robot: str, seed: int, tmp_path: Path) -> None:
     truth, found = added(tmp_path, seed, "driving_friction", robot)

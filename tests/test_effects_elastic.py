@@ -132,6 +132,7 @@ def test_hardened_spring_in_closed_form(cubic: float) -> None:
     np.testing.assert_array_equal(joint.deflection, x)
 
 
+@pytest.mark.slow
 def test_both_are_identified_on_one_joint(tmp_path: Path) -> None:
     hidden = ["stiffness_hardening:joint1:cubic_stiffness=256000", "joint_damping:joint1:damping=8"]
     wanted = ["stiffness_hardening:joint1", "joint_damping:joint1"]

@@ -142,6 +142,7 @@ def cut_at_reversals(measurements: MeasurementSet, after: float) -> MeasurementS
     return replace(measurements, groups=tuple(groups))
 
 
+@pytest.mark.slow
 def test_record_that_starts_with_wound_up_friction(tmp_path: Path) -> None:
     hidden = "presliding_hysteresis:joint1:presliding_stiffness=60,coulomb=6"
     measurements = cut_at_reversals(planar_set(tmp_path / "set", [hidden], seed=3, duration=12.0), 3.0)

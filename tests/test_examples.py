@@ -13,6 +13,7 @@ import pytest
 from flexviz.diagnosis import Diagnosis
 from flexviz.effects import forget_effects
 from flexviz.measurements import MeasurementSet
+from tests.cases import slow
 from tests.planar_arm import shorten_presets
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,6 +29,7 @@ PRINTS = {  # what a reader of the output looks for
     "own_robot": "run3: 12.0 s",
     "user_effect": "forward: 4.000",
 }
+LONG = "batch", "user_effect"
 
 
 def test_every_script_is_checked() -> None:
@@ -45,8 +47,9 @@ def diagnosed(diagnosed_demo: Diagnosis, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("flexviz.diagnose", known)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "script", [slow(s, id=s.stem) if s.stem in LONG else s for s in SCRIPTS], ids=lambda path: path.stem
+)
 def test_example_runs(
     script: Path,
     tmp_path: Path,
@@ -68,7 +71,6 @@ def test_example_runs(
     assert PRINTS[script.stem] in printed
 
 
-@pytest.mark.slow
 def test_the_notebook_runs(
     tmp_path: Path, diagnosed: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -256,6 +256,7 @@ def test_exported_table_is_the_torque(bumpy: MeasurementSet, curved: Identificat
     assert (again.folder / file.name).read_bytes() == file.read_bytes()
 
 
+@pytest.mark.slow
 def test_an_identified_curve_is_simulated(curved: Identification) -> None:
     plan = short()
     (value,) = curved.model.effects

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 
+import pytest
+
 from benchmarks.fuzz import fuzz, spoilt
 from benchmarks.fuzz_readers import READERS
 
@@ -16,6 +18,7 @@ def test_every_reader_survives() -> None:
     assert sum(row[0] for row in counts.values()) > 50 and sum(row[1] for row in counts.values()) > 200
 
 
+@pytest.mark.slow
 def test_slow_readers_survive() -> None:
     faults, counts = fuzz({name: READERS[name] for name in SLOW}, range(24), seed=1)
     assert not faults, faults[0].traceback

@@ -12,6 +12,7 @@ from shared_data import FAULTS
 from flexviz.cli import main
 from flexviz.importing import Issue, import_logs, issues_of_set
 from flexviz.measurements import read_set
+from tests.cases import slow
 
 pytestmark = pytest.mark.usefixtures("no_delay")
 
@@ -37,7 +38,7 @@ def test_three_permuted_columns() -> None:
     assert "in the order shoulder_pitch, elbow, shoulder_yaw" in issue.message
 
 
-@pytest.mark.parametrize(("name", "signals"), [("joint", "theta and tau"), ("tau", "tau")])
+@pytest.mark.parametrize(("name", "signals"), [("joint", "theta and tau"), slow("tau", "tau")])
 def test_exchanged_columns(name: str, signals: str) -> None:
     folder = place(f"{name}-columns-swapped")
     issue = order_issue(issues_of_set(read_set(folder, logged=False)))

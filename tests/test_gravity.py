@@ -22,6 +22,7 @@ from flexviz.mounting import DIRECTIONS, GRAVITY, checked_gravity, mounting_text
 from flexviz.robot import Robot
 from flexviz.simulation import Plan, make_plan, tilted_gravity
 from flexviz.view import remedy_text
+from tests.cases import slow
 from tests.import_data import STIFFNESS, truth, write_mapping, write_robot
 from tests.planar_arm import shorten_presets
 from tests.small_set import TOML, write_small_set
@@ -58,7 +59,7 @@ def excess(measurements: MeasurementSet, **options: Any) -> tuple[Any, np.ndarra
     return found, np.array(found.residual.rms_validation) / np.array(found.residual.noise_floor)
 
 
-@pytest.mark.parametrize("mounted", [m for m in MOUNTED if MOUNTED[m] != GRAVITY and not MOUNTED[m][1]])
+@pytest.mark.parametrize("mounted", [slow((0.0, TURN)), slow((0.0, -TURN)), (math.pi, 0.0)])
 def test_the_parameters_are_right_with_the_stated_gravity_only(
     tmp_path: Path, mounted: tuple[float, float]
 ) -> None:

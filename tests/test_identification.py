@@ -138,6 +138,7 @@ def test_a_validation_group_is_never_fitted(demo):
             identify(demo, groups=names)
 
 
+@pytest.mark.slow
 def test_panda_within_five_percent_where_identifiable(tmp_path):
     plan = of_groups(make_plan("panda"), PANDA, 8.0)
     out = write_plan(plan, simulate_plan(plan, 3), tmp_path / "panda", 3)
@@ -336,6 +337,7 @@ def test_names_match_the_layout():
     assert layout.names()[layout.compliance.start] == ("stiffness", "a", "Nm/rad")
 
 
+@pytest.mark.slow
 def test_sweep_has_its_minimum_inside(demo):
     result = sweep(
         demo,

@@ -29,6 +29,7 @@ def strange() -> MeasurementSet:
     return replace(whole, groups=tuple(groups))
 
 
+@pytest.mark.slow
 def test_the_joint_whose_torque_is_another_motions_is_named(strange: MeasurementSet) -> None:
     result = identify(strange, refine=True)
     assert not result.converged

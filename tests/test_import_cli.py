@@ -54,6 +54,7 @@ def parameters(result: Identification) -> np.ndarray:
     return np.array([[p.value, p.std or 0.0] for p in result.parameters])
 
 
+@pytest.mark.slow
 def test_mcap_leads_to_the_same_identification(tmp_path: Path) -> None:
     """Motor and link topics of an MCAP bag, at 1000 and 250 Hz, clocks 20 ms apart, in the motor's units.
 

@@ -41,7 +41,7 @@ FAULTY = [  # recording and fault
     pytest.param(
         case,
         name,
-        marks=() if case is CASES[0] or name in OTHERS else pytest.mark.study,
+        marks=() if case is CASES[0] else pytest.mark.slow if name in OTHERS else pytest.mark.study,
         id=f"{case_name(case)}-{name}",
     )
     for case in CASES

@@ -132,6 +132,7 @@ def noise_deviation(point: Point) -> Array:
     return np.sqrt(np.diag(matrix))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "effects, noise",
     [

@@ -130,7 +130,6 @@ def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):
     assert level @ precision @ level == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the robot-like sets are not beside this checkout")
 def test_seven_effects_at_once():
     name = "robotlike-2r-00"
@@ -153,6 +152,7 @@ def test_seven_effects_at_once():
     np.testing.assert_allclose(stiffness, truth["stiffness"], rtol=0.05)
 
 
+@pytest.mark.slow
 def test_a_law_of_no_library_stays_unknown_and_is_located(tmp_path):
     (case,) = selected(7, "unknown-2r-002-sawtooth_cogging")
     make(tmp_path, case)
@@ -164,6 +164,7 @@ def test_a_law_of_no_library_stays_unknown_and_is_located(tmp_path):
     assert curve is not None and curve.joint == hidden["joint"] and curve.certain
 
 
+@pytest.mark.slow
 def test_what_a_few_usual_effects_explain_is_not_sought_elsewhere(tmp_path):
     """Two effects that the usual ones include: no place of an unknown law is tried."""
     hidden = ("coulomb_friction:joint1:coulomb=4", "coulomb_friction:joint2:coulomb=2")

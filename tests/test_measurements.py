@@ -335,6 +335,7 @@ def test_recorded_kuka() -> None:
     assert np.isfinite(group.q[:, :3]).all() and np.isnan(group.q[:, 3:]).all()
 
 
+@pytest.mark.slow
 def test_large_set_is_not_copied() -> None:
     """15 minutes at 1 kHz with 7 joints: memory stays near that of the arrays (libraries take 80 MB)."""
     root = Path(__file__).resolve().parents[1]

@@ -28,6 +28,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
     return read_set(write_small_set(tmp_path_factory.mktemp("odd") / "small"))
 
 
+@pytest.mark.slow
 def test_thirty_joints(tmp_path: Path) -> None:
     names = [f"joint{i + 1}" for i in range(JOINTS)]
     time = np.arange(0.0, 4.0, 0.01)

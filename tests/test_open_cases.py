@@ -24,6 +24,7 @@ from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
+from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.test_elimination import COULOMB, HIDDEN, OFFSETS, QUADRATIC, SIZES, TRIED, Linear, arm_with, same
 from tests.test_startup_friction import HIDDEN as STARTUP
@@ -128,6 +129,7 @@ def test_a_growing_friction_is_said_to_grow(demo: MeasurementSet) -> None:
     assert [note.kind for note in result.notes][:1] == ["changing"]
 
 
+@pytest.mark.slow
 def test_a_law_that_a_curve_describes_alone_has_no_effect_beside_it(tmp_path: Path) -> None:
     """Friction in a part of the range is no Coulomb friction of its mean, stated at 93 %."""
     result = diagnose(set_with(lambda _: Rough(), 1, tmp_path / "set")[0], apply=True)
@@ -141,7 +143,7 @@ def test_a_law_that_a_curve_describes_alone_has_no_effect_beside_it(tmp_path: Pa
             {"cable_spring:joint2": "stiffness=9,rest_angle=0.6", BY_LOAD: "coefficient=0.1"}, 5, marks=OPEN
         ),
         ({"stiffness_hardening:joint2": "cubic_stiffness=3e6", BY_LOAD: "coefficient=0.01"}, 7),
-        ({"backlash:joint2": "half_width=0.004"}, 7),
+        slow({"backlash:joint2": "half_width=0.004"}, 7),
     ],
     ids=["spring", "hardening", "backlash"],
 )
@@ -152,7 +154,6 @@ def test_what_is_hidden_on_one_joint_is_found(hidden: dict[str, str], seed: int,
 
 
 @not_yet
-@pytest.mark.slow
 def test_backlash_beside_quadratic_friction(tmp_path: Path) -> None:
     result = studied(tmp_path, 107, "pair-2r-002-backlash+quadratic_friction")
     assert set(added(result)) == {"backlash:joint1", "quadratic_friction:joint1"}
@@ -165,7 +166,6 @@ def test_imitations_of_a_law_of_no_library_are_not_stated_surely(tmp_path: Path)
 
 
 @not_yet
-@pytest.mark.slow
 def test_start_up_friction_is_all_that_moves_with_pauses_lack(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:

@@ -70,6 +70,7 @@ def test_products_need_twice_the_band(every: int, fast_enough: bool) -> None:
     assert data.has_products == fast_enough
 
 
+@pytest.mark.slow
 def test_links_that_break_loose_leave_less(tmp_path: Path) -> None:
     measurements = simulated(tmp_path, LIGHT, 109)
     layout = layout_of(measurements)

@@ -27,6 +27,7 @@ from flexviz.importing.mapping import parse
 from flexviz.importing.ready_mappings import FOLDER, ready_mappings, recognised
 from flexviz.measurements import MeasurementSet, read_set
 from tests import controller_logs as logs
+from tests.cases import slow
 from tests.controller_logs import CONSTANTS, GEARS, RATED, Run
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "importing.md"
@@ -112,7 +113,10 @@ def imported(
     return read_set(done.folder)
 
 
-@pytest.mark.parametrize("title", MOTOR_SIDE)
+LONG = "KUKA RSI", "ABB EGM", "Unitree LowState, bag", "Unitree LowState"
+
+
+@pytest.mark.parametrize("title", [slow(t) if t in LONG else t for t in MOTOR_SIDE])
 def test_parameters_within_their_intervals(title: str, made: SimpleNamespace, tmp_path: Path) -> None:
     found = inspected(made, tmp_path, MOTOR_SIDE[title])
     assert f"  recognised: {title.split(',')[0]}" in found.draft.seen

@@ -166,6 +166,7 @@ def test_names_that_are_taken(tmp_path: Path) -> None:
     assert beside(tmp_path / "x.rrd", "unfinished").name == "x.unfinished-2.rrd"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_an_interrupted_program_keeps_what_was_recorded(tmp_path: Path, number: int) -> None:
     folder = write_small_set(tmp_path / "small")
@@ -217,6 +218,7 @@ for number, moment in enumerate(moments):
 """
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment(tmp_path: Path) -> None:
     """Ten recordings killed with -9, in their beginning and later: none loses what was flushed."""
     chance = random.Random(5)

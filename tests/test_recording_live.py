@@ -105,6 +105,7 @@ def test_everything_as_it_comes(small: Any, tmp_path: Path) -> None:
         assert words in views
 
 
+@pytest.mark.slow
 def test_maps_are_drawn(small: Any, tmp_path: Path) -> None:
     measurements, _ = small
     with LiveRecording(measurements, tmp_path / "live.rrd", samples=50) as recording:

@@ -51,6 +51,7 @@ def test_a_reversal_between_two_samples_has_its_pulses(acceleration: float) -> N
             np.testing.assert_allclose(sizes, 0.15 * 4.0 * np.ptp(times) / (len(times) - 1), rtol=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [SOFT, SOFTER])
 def test_a_right_model_of_links_that_stick_leaves_only_noise(tmp_path: Path, name: str) -> None:
     measurements = simulated(tmp_path, name)
@@ -63,6 +64,7 @@ def test_a_right_model_of_links_that_stick_leaves_only_noise(tmp_path: Path, nam
     assert max(plain.residual.rms) < 1.5 and plain.converged  # 2.6 and 4.3 Nm with it
 
 
+@pytest.mark.slow
 def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
     """A tilted base imitates a backlash until it is crossed, which looks like a transient."""
     measurements = simulated(tmp_path, LATE)
@@ -76,6 +78,7 @@ def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
     assert (first.effect, first.joint) == ("backlash", "joint1")
 
 
+@pytest.mark.slow
 def test_impacts_of_a_large_backlash_leave_only_noise(large: MeasurementSet) -> None:
     found = diagnose(large, apply=True)
     first = found.findings[0]

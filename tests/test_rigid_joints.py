@@ -51,6 +51,7 @@ def test_a_stated_rigid_joint_has_no_stiffness(rigid: MeasurementSet) -> None:
     np.testing.assert_allclose(series.q[:, 1], signals.theta[0, :, 1], atol=1e-9)  # motor and link are one
 
 
+@pytest.mark.slow
 def test_elastic_joints_beside_a_rigid_one() -> None:
     one = rigid_outcome(42, "2r", (0,))
     assert one.false == 0 and one.said == 1.0
@@ -109,6 +110,7 @@ def test_a_joint_at_rest_needs_no_torque(arm: MeasurementSet) -> None:
     assert silent_torques(arm.robot, [TorqueRun((), group.joined("time"), theta, tau)]) == {}
 
 
+@pytest.mark.slow
 def test_other_joints_do_not_suffer() -> None:
     named, ratio = torque_outcome(44, "ur5", 4, "three values")
     assert named

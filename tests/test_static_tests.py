@@ -103,6 +103,7 @@ def test_a_contradiction_of_motion_and_pushes_is_said(arm: tuple[MeasurementSet,
     assert f"whose stiffness of {measurements.joints[1]} the motion contradicts" in found.message
 
 
+@pytest.mark.slow
 def test_refined_within_three_per_cent() -> None:
     one = outcome(52)
     assert one.shown < 6 and set(one.grades) == {"yes"}

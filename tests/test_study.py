@@ -64,6 +64,7 @@ def test_the_detection_limit_is_the_end_of_an_unbroken_row() -> None:
     assert "From 0.400 on at least 90 %" in page and "With nothing hidden, 1 of 10 name an effect" in page
 
 
+@pytest.mark.slow
 def test_a_bootstrap_draws_blocks_and_a_sweep_tries_bandwidths(tmp_path: Path) -> None:
     folder = write_small_set(tmp_path / "set")
     plan = StudyPlan("bootstrap", str(folder), runs=3, block=0.5)

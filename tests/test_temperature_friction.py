@@ -137,6 +137,7 @@ def test_groups_state_what_was_simulated(warm: MeasurementSet) -> None:
             make_plan("planar-2r", temperatures=wrong)
 
 
+@pytest.mark.slow
 def test_identification_recovers_it(warm: MeasurementSet) -> None:
     names = ["coulomb_friction:joint2", f"{EFFECT}:joint2"]
     without, result = (identify(warm, effects=names[:k], refine=True) for k in (1, 2))
@@ -147,6 +148,7 @@ def test_identification_recovers_it(warm: MeasurementSet) -> None:
         assert found.std is not None and abs(found.value - true) < 5 * found.std + 1e-3 * true, found
 
 
+@pytest.mark.slow
 def test_diagnosis_names_it(warm: MeasurementSet) -> None:
     found = diagnose(replace(warm, effects=("coulomb_friction",)), apply=True)
     first = found.findings[0]

@@ -23,6 +23,7 @@ class PowerLaw(ExtraLaw):
         return Pull(motor=3.0 * v * (v * v + 1e-4) ** -0.2)
 
 
+@pytest.mark.slow
 def test_a_power_law_of_no_library_is_described(tmp_path: Path) -> None:
     plan = replace(
         of_groups(make_plan("planar-2r", ["coulomb_friction:joint1:coulomb=2"]), HELD_OUT, 12.0),

@@ -109,6 +109,7 @@ def test_the_place_and_the_parameters_beside_it(
         assert abs(error) < 0.1 * abs(without)
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_library_has_a_place_too_but_a_complete_model_none(tmp_path: Path) -> None:
     """The place is that of whatever is missing; beside the right effect no input is needed."""
     plan = of_groups(make_plan("planar-2r", ["coulomb_friction:joint2:coulomb=2"]))
@@ -124,6 +125,7 @@ def test_an_effect_of_the_library_has_a_place_too_but_a_complete_model_none(tmp_
         assert place is None or (place.joint, place.unknown.side) == ("joint2", "motor")
 
 
+@pytest.mark.slow
 def test_a_shaken_link_is_said_to_be_shaken(tmp_path: Path) -> None:
     measurements, stiffness = set_with(lambda _: Shaken(), 1, tmp_path / "set", duration=12.0)
     found = diagnose(measurements, apply=True)

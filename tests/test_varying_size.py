@@ -56,6 +56,7 @@ def grown(demo: MeasurementSet) -> Diagnosis:
     return diagnose(with_growing_friction(demo, 0.4), apply=True)
 
 
+@pytest.mark.slow
 def test_a_growing_friction_is_unknown(demo: MeasurementSet, grown: Diagnosis) -> None:
     """Friction of a constant size is missing, and is not all that is."""
     assert grown.verdict == "missing" and grown.steps[-1].verdict == "unknown"

@@ -112,7 +112,6 @@ def test_numbers_say_lag_and_noise(name: str) -> None:
     assert "Lag" in text and all(f"<td>{number(value, 2)}</td>" in text for value in gain)
 
 
-@pytest.mark.slow
 def test_bandwidth_to_plot_data_in_time(tmp_path: Any) -> None:
     """20 s × 1 kHz × 7 joints, one joint shown; the promise is 50 ms, here with slack for a busy machine."""
     from flexviz.measurements import Group, Segment

@@ -87,7 +87,6 @@ def run(installed: Path, folder: Path, *command: str) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.slow
 def test_wheel_works_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
     site = str(installed.parent)
     assert run(installed, tmp_path, "python", "-c", FINDS_ITS_DATA.format(site=site)) == "found"

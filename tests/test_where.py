@@ -24,6 +24,7 @@ from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.records.curves import FREE_CURVE_NOTE
+from tests.cases import slow
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
 STRETCHES = [slice(440 * k, 440 * (k + 1)) for k in range(4)]
@@ -202,7 +203,7 @@ def test_a_complete_model_is_at_the_floor(clean):
 # -- places ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("joint", [slow(0), 1])
 @pytest.mark.parametrize(
     ("law", "variable", "inside"),
     # friction has two sides, and its range may be one of them
@@ -310,7 +311,7 @@ def test_free_form_of_a_frequency_takes_another_variable(patched):
 
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")
-@pytest.mark.parametrize("case", ["2r-unknown", "ur5-unknown"])
+@pytest.mark.parametrize("case", ["2r-unknown", slow("ur5-unknown")])
 def test_practice(case):
     truth = json.loads((CASES.parent / "truth" / f"{case}.json").read_text())["effects"][0]
     first = locate_residual(*fitted(read_set(CASES / case), [])).places[0]

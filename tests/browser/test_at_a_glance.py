@@ -61,6 +61,7 @@ def at_rest(page: Any) -> None:
     until(lambda: not button(page, "Stop").is_enabled() and np.isfinite(error(page)), what="the end")
 
 
+@pytest.mark.slow
 def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
     page = open_page(serve(EXAMPLE_SET), 1440, 900)
     at = row(page, "Time [s]").locator("input:not([type=hidden])").first
@@ -166,6 +167,7 @@ HIDE = """() => { window.asked = []; window.drawn = window.requestAnimationFrame
 SHOW = "() => { window.requestAnimationFrame = window.drawn; window.asked.forEach(f => window.drawn(f)); }"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="processor time is read from /proc")
 def test_unwatched_it_costs_nothing(
     address: str, servers: dict[str, subprocess.Popen[str]], page: Any

@@ -140,6 +140,7 @@ def the_first_screen(page: Any) -> None:
     assert len(found) >= 6 and (found > 2.0).all()
 
 
+@pytest.mark.slow
 def test_an_added_effect_makes_the_error_fall(fitted: str, open_page: Any, shot: Any) -> None:
     page, still = open_page(fitted, 1280, 800), open_page(fitted, 1280, 800)
     page.emulate_media(
@@ -201,6 +202,7 @@ def test_an_added_effect_makes_the_error_fall(fitted: str, open_page: Any, shot:
         assert {float(text) for text in page.evaluate("window.said")} <= {before, after}
 
 
+@pytest.mark.slow
 def test_the_fall_takes_less_than_a_second(address: str, page: Any) -> None:
     length = "getComputedStyle(document.documentElement).getPropertyValue('--fv-fall')"
     assert page.evaluate(length) == "0s"

@@ -68,6 +68,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return save_session(session, measurements, tmp_path_factory.mktemp("diagnosed") / "session")
 
 
+@pytest.mark.slow
 def test_what_a_diagnosis_offers(
     diagnosed: Path, serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:

@@ -240,6 +240,7 @@ def every_agreed_name_is_on_one_control(page: Any, step: str) -> None:
     assert page.locator(".fv-status").count() == 1
 
 
+@pytest.mark.slow
 def test_nothing_overlaps_or_is_cut(page: Any, shot: Any) -> None:
     pause(page)
     pin(page)
@@ -267,6 +268,7 @@ def every_step_is_well_laid_out(page: Any, shot: Any, name: str, width: int) -> 
         assert canvas_colours(shot(page, f"{step.lower()}-{name}"), width) > 50
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")
 def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
     page = open_page(serve(str(KUKA)))

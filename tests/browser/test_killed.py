@@ -20,6 +20,7 @@ def error(page: Any) -> str:
     return found[0] if found else ""
 
 
+@pytest.mark.slow
 def test_unsaved_work_outlives_a_killed_server(
     serve: Callable[..., str],
     workplace: Path,

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.browser
 TITLE = "Coulomb friction of joint2: its law through the data"
 
 
+@pytest.mark.slow
 def test_a_verdict_turns_to_the_law_through_its_data(page: Any, shot: Any) -> None:
     """A person reads: two levels of ± 3 Nm, the step at zero velocity, data on the law."""
     assert tab(page, "Signals").get_attribute("aria-selected") == "true"

@@ -158,6 +158,7 @@ def test_the_camera_that_was_moved_keeps_its_direction(page: Any) -> None:
     fits(page)
 
 
+@pytest.mark.slow
 def test_the_tab_follows_the_task_unless_it_is_pinned(serve: Callable[..., str], open_page: Any) -> None:
     page = open_page(serve(EXAMPLE_SET), 1440, 900)
 

@@ -67,6 +67,7 @@ def in_both_themes(page: Any, shot: Any, name: str, step: str = "Diagnose") -> N
         well_laid_out(page)
 
 
+@pytest.mark.slow
 def test_after_a_run_no_text_is_of_the_model_before(
     serve: Callable[..., str], open_page: Any, shot: Any
 ) -> None:

@@ -142,6 +142,7 @@ def test_from_own_files_to_a_named_effect(
     shot(page, "own-robot-named")
 
 
+@pytest.mark.slow
 def test_several_files_chosen_at_once_and_the_mapping(
     stranger: Stranger, serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:

@@ -91,6 +91,7 @@ def still(page: Any, shot: Callable[[Any, str], bytes], name: str) -> list[str]:
     return missing_after_patience(look, page)
 
 
+@pytest.mark.slow
 def test_recording_shows_everything(tmp_path: Path, chromium: Any, shot: Callable[[Any, str], bytes]) -> None:
     """Everything is seen, both robots move, and nothing outside this machine is asked for."""
     demo = read_set(sessions_dir() / "planar-2r-demo")
@@ -113,6 +114,7 @@ def test_recording_shows_everything(tmp_path: Path, chromium: Any, shot: Callabl
     assert asked and not [url for url in asked if not url.startswith((base, "blob:", "data:"))]
 
 
+@pytest.mark.slow
 def test_a_robot_with_meshes_moves(tmp_path: Path, chromium: Any, shot: Callable[[Any, str], bytes]) -> None:
     """A UR5, both robots swinging at their shoulders."""
     robot = Robot.load(UR5)

@@ -69,6 +69,7 @@ def deflection(page: Any) -> str:
     return row(page, "Deflection ×").get_by_role("textbox").first.input_value()
 
 
+@pytest.mark.slow
 def test_the_brightest_link_is_that_of_the_verdict(
     serve: Callable[..., str], open_page: Any, shot: Any, panda: str
 ) -> None:

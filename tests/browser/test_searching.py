@@ -33,6 +33,7 @@ WATCH = """() => {
 }"""
 
 
+@pytest.mark.slow
 def test_a_search_shows_what_it_has_found_so_far(page: Any, shot: Callable[[Any, str], bytes]) -> None:
     page.evaluate(WATCH)
     button(page, "Diagnose").click()

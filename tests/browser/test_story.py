@@ -172,6 +172,7 @@ def parameter(page: Any, name: str, joint: str) -> float:
     return float(cells[2].replace("−", "-")) * (1e3 if thousands else 1.0)
 
 
+@pytest.mark.slow
 def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     serve: Callable[..., str], open_page: Any, shot: Any, command_line: CommandLine
 ) -> None:
@@ -287,6 +288,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     until(lambda: "not a usable zip" in status(page), what="the refusal")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not MANY.exists(), reason="needs a set on which a search takes some time")
 def test_a_search_tells_how_far_it_has_come_and_can_be_stopped(
     serve: Callable[..., str], open_page: Any

@@ -63,6 +63,7 @@ def no_term_is_underlined_twice_in_a_panel(page: Any) -> None:
     assert seen and len(set(seen)) == len(seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_everything_is_readable_on_every_step(
     serve: Callable[..., str], open_page: Any, shot: Any, dark: bool

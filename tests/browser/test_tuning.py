@@ -64,6 +64,7 @@ def width(page: Any) -> float:
     return float(found[1]) if found else float("nan")
 
 
+@pytest.mark.slow
 def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
     pause(page)
     button(page, "Observer").click()
@@ -144,6 +145,7 @@ def body(page: Any) -> str:
     return page.inner_text("body").replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any) -> None:
     page = open_page(address, 1280, 800)
     identified(page)
