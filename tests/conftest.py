@@ -1,4 +1,4 @@
-"""What is run (long tests only when asked for), Ctrl+C in the background, the demonstration, its diagnosis."""
+"""What is run (long tests when asked for), Ctrl+C in the background, the demonstration, its diagnosis."""
 
 from __future__ import annotations
 
