@@ -48,7 +48,9 @@ lint: install
 types: install
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
+# compiled once, and not by each of those who run them
 pytest: install browser
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only -q $(ARGS) >/dev/null 2>&1 || true
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 slow: install browser

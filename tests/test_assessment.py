@@ -38,6 +38,7 @@ def test_a_missing_effect_is_weak_and_sends_to_the_diagnosis(demo):
     assert result.summary().endswith(text)
 
 
+@pytest.mark.slow
 def test_refinement_of_an_incomplete_model_does_not_claim_noise_alone(demo, clean):
     assert "model error" in identify(demo).message
     assert "measurement noise alone" in identify(clean).message
@@ -95,6 +96,7 @@ def test_what_only_reversals_leave_is_not_a_missing_effect():
     assert "rms_between_reversals" not in lacking.to_dict()["residual"]
 
 
+@pytest.mark.slow
 def test_backlash_that_the_model_has_leaves_only_reversals(tmp_path):
     """The crossings of the gap stay far above the noise although nothing is missing."""
     hidden = planar_set(tmp_path / "gap", ["backlash:joint1"], seed=7, groups=HELD_OUT)

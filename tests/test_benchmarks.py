@@ -31,6 +31,7 @@ def test_import_faults_prints_counts(capsys):
     assert kinds >= 40 and wrong == 0 and silent == 0 and doubt <= 2  # gravity along the axes of a planar arm
 
 
+@pytest.mark.slow
 def test_real_skips_what_is_absent_and_prints_a_line_per_set(tmp_path, capfd):
     planar_set(tmp_path / "arm", ["coulomb_friction:joint1"], seed=1, groups=HELD_OUT)
     real.main([str(tmp_path / "absent"), str(tmp_path)])

@@ -19,6 +19,7 @@ from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.progress import Progress
 from flexviz.resources import sessions_dir
+from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.unknown_laws import Uneven, set_with
 
@@ -126,7 +127,7 @@ def test_stopped_at_once_nothing_is_found() -> None:
 @pytest.mark.parametrize(
     ("hidden", "place", "values"),
     [
-        ("torque_gain:joint2:gain_error=0.25", "torque_gain:joint2", {"gain_error": 0.25}),
+        slow("torque_gain:joint2:gain_error=0.25", "torque_gain:joint2", {"gain_error": 0.25}),
         (
             "external_contact:joint2:group=t1p1:torque=8:start=2.2:end=3.1",
             "external_contact:joint2@t1p1",

@@ -20,6 +20,7 @@ from independent.laws import STRANGE
 
 from flexviz.diagnosis import Diagnosis, Finding, diagnose
 from flexviz.measurements import read_set
+from tests.cases import slow
 
 # pairs that such data cannot tell apart: the twin counts where the tie is reported
 TWINS = (
@@ -28,7 +29,7 @@ TWINS = (
     {"torque_offset", "base_tilt"},
 )
 WITHOUT_JOINT = {"payload_error", "base_tilt", "torque_delay"}
-DAILY = {"coulomb_friction": 200, "stiffness_hardening": 200}  # in every run: the quick ones
+DAILY = {"coulomb_friction": 200, "stiffness_hardening": 200}  # no studies
 STUDY = (200, 201)
 
 
@@ -98,7 +99,8 @@ def check_values(truth: dict[str, Any], result: Diagnosis) -> None:
 @pytest.mark.parametrize(
     "kind, seed",
     [
-        *DAILY.items(),
+        slow("coulomb_friction", DAILY["coulomb_friction"]),
+        ("stiffness_hardening", DAILY["stiffness_hardening"]),
         *(study(kind, seed) for kind in KINDS for seed in STUDY if DAILY.get(kind) != seed),
     ],
 )

@@ -27,6 +27,7 @@ from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.model import FlexibleModel
 from flexviz.observers import FlatZeroPhase
+from tests.cases import slow
 from tests.covariances import dense_covariance
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
@@ -173,7 +174,7 @@ def test_a_complete_model_leaves_hardly_more_than_noise(
     assert not fine.complete(replace(model, fit=one))  # a single joint is enough
 
 
-@pytest.mark.parametrize("said", [1, 2, 4, 7])
+@pytest.mark.parametrize("said", [slow(1), 2, slow(4), 7])
 def test_a_stop_at_any_time_gives_what_was_found_by_then(demo: Any, said: int) -> None:
     """And no more: no effect is added that the search had not accepted."""
     calls: list[bool] = []

@@ -13,6 +13,7 @@ from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.simulation import laws, make_plan
+from tests.cases import slow
 from tests.planar_arm import planar_set
 from tests.test_effects import MOTION, VALUES, named
 
@@ -59,8 +60,8 @@ def test_a_search_for_single_effects_leaves_them_out() -> None:
     "hidden, truth",
     [
         ("coupled_friction:joint1", {"coulomb": 2.5, "viscous": 1.2}),
-        ("gravity_compensator:joint2", {"sine": 4.0, "cosine": -3.0}),
-        ("directional_friction:joint1", {"directional": -0.4}),
+        slow("gravity_compensator:joint2", {"sine": 4.0, "cosine": -3.0}),
+        slow("directional_friction:joint1", {"directional": -0.4}),
         ("thinning_friction:joint2", {"thinning": 1.2, "velocity": 0.2}),
     ],
 )

@@ -29,7 +29,7 @@ PRINTS = {  # what a reader of the output looks for
     "own_robot": "run3: 12.0 s",
     "user_effect": "forward: 4.000",
 }
-LONG = "batch", "user_effect"
+LONG = "bandwidth_sweep", "batch", "user_effect"
 
 
 def test_every_script_is_checked() -> None:

@@ -77,6 +77,7 @@ def test_a_band_whose_products_are_wrong_is_found_out(demo, complete, monkeypatc
     assert found.observer_error.any() and any("observer error" in text for text in found.texts())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not KUKA.exists(), reason="the real robot's recording is not beside this checkout")
 def test_stiffness_of_a_real_robot_moves():
     whole = read_set(KUKA)

@@ -22,6 +22,7 @@ from flexviz.observers import FlatZeroPhase
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 from flexviz.simulation import make_plan, simulate_plan, write_plan
+from tests.cases import slow
 from tests.covariances import dense_covariance
 from tests.planar_arm import of_groups, planar_set
 
@@ -102,7 +103,7 @@ def test_masses_of_a_planar_arm_are_not_identifiable(demo_fit):
     assert "mass:joint2" in by_name["mx", "joint1"].tied_to
 
 
-@pytest.mark.parametrize("factor", [0.3, 10.0])
+@pytest.mark.parametrize("factor", [0.3, slow(10.0)])
 def test_rough_stiffness_does_not_matter(demo, demo_fit, factor):
     from dataclasses import replace
 

@@ -25,6 +25,7 @@ from flexviz.importing.mapping import Fix, Issue, Mapping, parse
 from flexviz.importing.plausibility import check_groups
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
 from flexviz.robot import Robot
+from tests.cases import slow
 
 DEGREE = np.pi / 180
 
@@ -201,7 +202,7 @@ def shown(matrix: Any, signals: str) -> str:
     return f'coupling = {{ {joints}, matrix = {matrix} }} and side = "motor" of {signals}'
 
 
-@pytest.mark.parametrize("theta_too", [False, True])
+@pytest.mark.parametrize("theta_too", [False, slow(True)])
 @pytest.mark.parametrize("drive", [[[1, 0], [1, 1]], [[1, 0], [-1, 1]]])
 def test_a_missing_coupling_is_named(drive: Any, theta_too: bool) -> None:
     """Although friction and inertia explain nearly all of the torque without it."""

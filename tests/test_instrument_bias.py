@@ -170,6 +170,7 @@ def test_without_what_is_shared_the_score_is_zero_on_average(
     assert 0.5 < np.std(clean) < 1.5
 
 
+@pytest.mark.slow
 def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     plan = make_plan("planar-2r")
     plan = replace(plan, sensors=replace(plan.sensors, theta_noise=2e-7, torque_noise=2.0))

@@ -181,6 +181,7 @@ def test_copies_of_joint_states_are_not_asked_about() -> None:
         assert found.clear and found.families[0].name.startswith("/joint_states/")
 
 
+@pytest.mark.slow
 def test_what_effort_is_is_asked_with_what_gravity_says(made: SimpleNamespace, tmp_path: Path) -> None:
     asked: list[str] = []
     constant = 9.0  # [Nm/A] at the joint

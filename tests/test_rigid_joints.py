@@ -117,6 +117,7 @@ def test_other_joints_do_not_suffer() -> None:
     assert ratio < 1.1
 
 
+@pytest.mark.slow
 def test_the_equation_of_a_joint_without_torque_is_left_out(arm: MeasurementSet) -> None:
     stated = replace(spoilt(arm, 1, "constant", np.random.default_rng(0)), no_torque=("joint2",))
     layout = layout_of(stated)

@@ -156,6 +156,7 @@ def test_a_spoiled_one_says_so(
         open_session(folder)
 
 
+@pytest.mark.slow
 def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
     from flexviz.diagnosis import Diagnosis, diagnose
     from flexviz.resources import sessions_dir

@@ -93,6 +93,7 @@ def test_pushes_show_the_stiffness_that_motion_does_not(arm: tuple[MeasurementSe
     assert sum(p.identifiable == "yes" for p in alone.parameters if p.name == "stiffness") < 6
 
 
+@pytest.mark.slow
 def test_a_contradiction_of_motion_and_pushes_is_said(arm: tuple[MeasurementSet, np.ndarray]) -> None:
     measurements, _ = arm
     (group,) = measurements.holds

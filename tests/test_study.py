@@ -84,6 +84,7 @@ def test_a_bootstrap_draws_blocks_and_a_sweep_tries_bandwidths(tmp_path: Path) -
     assert "Error against bandwidth" in (tmp_path / "w" / "summary.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_simulated_runs_know_their_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = run_study(StudyPlan("monte-carlo", "paper-f", runs=2, start="moving"), tmp_path / "out", HERE)
     first, second = done.runs

@@ -10,14 +10,14 @@ from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import diagnose
 from flexviz.measurements import read_set
-from tests.cases import slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "name", "sure"),
     [
-        slow(79, "pair-2r-032-motor_coupling+stribeck_friction", None),  # both at one place
-        slow(79, "pair-2r-015-stribeck_friction+quadratic_friction", 1),
+        (79, "pair-2r-032-motor_coupling+stribeck_friction", None),  # both at one place
+        (79, "pair-2r-015-stribeck_friction+quadratic_friction", 1),
         (107, "pair-2r-010-cable_spring+friction_drift", 1),  # a ripple fits better than the spring alone
     ],
 )

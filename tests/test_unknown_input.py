@@ -27,6 +27,7 @@ from flexviz.robot import Robot
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
+from tests.cases import slow
 from tests.planar_arm import of_groups
 from tests.test_equation import made_up_set, point
 from tests.unknown_laws import Uneven, place_at, set_with
@@ -87,7 +88,7 @@ def test_the_residual_follows_the_path_of_an_unknown_torque(side: Side, damped: 
 
 @pytest.mark.parametrize(
     ("law", "side", "joint"),
-    [(Uneven, "transmission", 0), (lambda _: Saturated(), "motor", 0)],
+    [(Uneven, "transmission", 0), slow(lambda _: Saturated(), "motor", 0)],
 )
 def test_the_place_and_the_parameters_beside_it(
     law: Callable[[float], ExtraLaw], side: str, joint: int, tmp_path: Path
@@ -188,6 +189,7 @@ def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained
     assert UnknownInputFit.of(context, replace(fit, layout=Layout(("joint1",))), most) is None
 
 
+@pytest.mark.slow
 def test_data_without_noise_have_a_place_too(tmp_path: Path) -> None:
     """The input is bounded relative to the noise: its variance would swamp the predictor."""
     plan = of_groups(make_plan("planar-2r"))

@@ -108,6 +108,7 @@ def test_hidden_by_the_simulator_and_identified(hidden: Path, tmp_path: Path) ->
         assert one["value"] == pytest.approx(value, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_diagnosis_finds_it(tmp_path: Path) -> None:
     """Friction with the cube of the speed."""
     load_effects(EXAMPLE)

@@ -186,6 +186,7 @@ def test_unwatched_it_costs_nothing(
     until(lambda: at() != before, 60, "motion again")
 
 
+@pytest.mark.slow
 def test_the_camera_has_presets(page: Any, shot: Any) -> None:
     pause(page)
     choose(page, "Group", "t3p3")

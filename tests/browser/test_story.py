@@ -238,6 +238,7 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     until(lambda: "undone" in status(page) and error(page) == known, 60, "the result before")
 
 
+@pytest.mark.slow
 def test_where_it_fails_marks_a_range_and_files_come_and_go(
     serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:
