@@ -291,6 +291,7 @@ def test_interrupt_in_the_middle_of_a_line(monkeypatch: pytest.MonkeyPatch) -> N
 # -- record and serve
 
 
+@pytest.mark.slow
 def test_record_writes_a_recording(
     demo_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

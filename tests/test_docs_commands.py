@@ -34,7 +34,7 @@ from tests.shown_commands import PAGES, ROOT, Shown, blocks, mentions
 LENGTH = 4.0  # [s] of a simulated motion that is identified afterwards
 GLIMPSE = 0.3  # [s] of one that is not
 SHOWN = {page: commands for page in PAGES if (commands := blocks(page))}
-LONG = "designing", "recording", "fleets"  # pages
+LONG = "designing", "recording", "fleets", "simulator"  # pages
 WITH_PYTHON = [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")]
 SETS = ("SET", "my_set", "my_recording", "demo", "sessions/planar-2r-demo")  # what stands for a set
 SESSIONS = ("SESSION",)

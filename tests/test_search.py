@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.search import Candidate, Search, best_of_each_place
+from tests.cases import slow
 from tests.toy_regression import (
     COLUMNS,
     FITTED,
@@ -117,7 +118,7 @@ def test_the_trace_tells_what_was_tried_and_what_it_gained() -> None:
         assert move.accepted == (not move.gain.why) or move.kind == "drop"
 
 
-@pytest.mark.parametrize(("known", "rho"), [(True, 0.0), (False, 0.0), (False, 0.6)])
+@pytest.mark.parametrize(("known", "rho"), [(True, 0.0), (False, 0.0), slow(False, 0.6)])
 def test_hardly_anything_is_found_in_noise(known: bool, rho: float) -> None:
     """In 200 sets of pure noise, two at most; the columns are as correlated in time as the noise."""
     false = 0

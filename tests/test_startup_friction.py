@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.simulation import make_plan, simulate_plan, write_plan
+from tests.planar_arm import HELD_OUT, of_groups
 
 COULOMB, STARTUP = ChosenEffect("coulomb_friction", 0), ChosenEffect("startup_friction", 0)
 HIDDEN = ["coulomb_friction:joint1:coulomb=4", "startup_friction:joint1:startup=3,angle=0.02"]
@@ -35,7 +37,9 @@ def without(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
     return simulated(tmp_path_factory, HIDDEN[:1])
 
 
-def simulated(tmp_path_factory: pytest.TempPathFactory, hidden: list[str]) -> MeasurementSet:
+def simulated(
+    tmp_path_factory: pytest.TempPathFactory, hidden: list[str], names: Sequence[str] = HELD_OUT
+) -> MeasurementSet:
     plan, rng = make_plan("planar-2r", hidden), np.random.default_rng(4)
     centre, reach = np.zeros(2), np.full(2, 0.8)
     groups = tuple(
@@ -44,7 +48,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory, hidden: list[str]) -> Me
             duration=8.0,
             reference=random_moves(plan.robot, rng, centre=centre, reach=reach, duration=8.0),
         )
-        for group in plan.groups
+        for group in of_groups(plan, names).groups
     )
     plan, folder = replace(plan, groups=groups), tmp_path_factory.mktemp("moves") / "set"
     write_plan(plan, simulate_plan(plan, 3), folder, 3)
@@ -90,7 +94,6 @@ def test_it_is_found_with_all_samples(moves: MeasurementSet, without: Measuremen
             assert found.fit.x[found.layout.effect_slice(STARTUP)] == pytest.approx([3.0, 0.02], rel=0.1)
 
 
-@pytest.mark.slow
 def test_a_diagnosis_finds_it_first_after_coulomb_friction(moves: MeasurementSet) -> None:
     result = diagnose(moves, apply=True, guarded=False)
     first, second, *_ = (step.added for step in result.steps[1:])
@@ -102,7 +105,8 @@ def test_a_diagnosis_finds_it_first_after_coulomb_friction(moves: MeasurementSet
 
 
 @pytest.mark.slow
-def test_it_is_found_where_a_brake_holds_at_rest(moves: MeasurementSet) -> None:
+def test_it_is_found_where_a_brake_holds_at_rest(tmp_path_factory: pytest.TempPathFactory) -> None:
+    moves = simulated(tmp_path_factory, HIDDEN, (*HELD_OUT, "t3p3"))
     result = diagnose(with_brakes(moves, 0), apply=True, guarded=False)
     assert "startup_friction:joint1" in [step.added.text for step in result.steps if step.added]
 

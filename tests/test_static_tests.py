@@ -166,6 +166,7 @@ def test_what_cannot_be_clamped_is_refused(arm: tuple[MeasurementSet, np.ndarray
         file.write_text(text)
 
 
+@pytest.mark.slow
 def test_a_static_test_is_designed(arm: tuple[MeasurementSet, np.ndarray], tmp_path: Path) -> None:
     found = design_static(subject_of(replace(arm[0], holds=())), seed=1)
     assert found.clamped == 6 and np.all(found.errors < 0.03) and np.all(found.hung > 0.03)

@@ -18,8 +18,9 @@ from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.importing import import_logs
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
-from flexviz.simulation import inject, laws, make_plan, move, simulate_preset
+from flexviz.simulation import inject, laws, make_plan, move, simulate_plan, write_plan
 from flexviz.wording import temperature_text
+from tests.planar_arm import of_groups
 from tests.test_import_mapping import SIMPLE
 from tests.test_import_mapping import write as write_log
 
@@ -113,9 +114,9 @@ def test_closed_form_at_several_temperatures() -> None:
 @pytest.fixture(scope="module")
 def warm(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
     """Viscous friction of joint 2 falls by half, Coulomb friction by a quarter."""
-    folder = tmp_path_factory.mktemp("warm") / "set"
-    simulate_preset("planar-2r", folder, [HIDDEN, COULOMB], seed=3)
-    return read_set(folder)
+    plan = make_plan("planar-2r", [HIDDEN, COULOMB])
+    plan = of_groups(plan, [g.name for g in plan.groups], 8.0)
+    return read_set(write_plan(plan, simulate_plan(plan, 3), tmp_path_factory.mktemp("warm") / "set", 3))
 
 
 def test_groups_state_what_was_simulated(warm: MeasurementSet) -> None:
@@ -137,7 +138,6 @@ def test_groups_state_what_was_simulated(warm: MeasurementSet) -> None:
             make_plan("planar-2r", temperatures=wrong)
 
 
-@pytest.mark.slow
 def test_identification_recovers_it(warm: MeasurementSet) -> None:
     names = ["coulomb_friction:joint2", f"{EFFECT}:joint2"]
     without, result = (identify(warm, effects=names[:k], refine=True) for k in (1, 2))
@@ -148,7 +148,6 @@ def test_identification_recovers_it(warm: MeasurementSet) -> None:
         assert found.std is not None and abs(found.value - true) < 5 * found.std + 1e-3 * true, found
 
 
-@pytest.mark.slow
 def test_diagnosis_names_it(warm: MeasurementSet) -> None:
     found = diagnose(replace(warm, effects=("coulomb_friction",)), apply=True)
     first = found.findings[0]

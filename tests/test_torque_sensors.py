@@ -17,6 +17,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.results import ResultDocument
 from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.sets import move, record, write_plan
+from tests.planar_arm import HELD_OUT, of_groups
 
 SAID = "joint torque sensors, behind the gears"
 
@@ -24,7 +25,7 @@ SAID = "joint torque sensors, behind the gears"
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory: pytest.TempPathFactory) -> dict[str, MeasurementSet]:
     """One simulated motion, with the motors' torque and with that of joint torque sensors."""
-    folder, plan = tmp_path_factory.mktemp("sensors"), PRESETS["panda"]()
+    folder, plan = tmp_path_factory.mktemp("sensors"), of_groups(PRESETS["panda"](), HELD_OUT, 10.0)
     recorded = record(plan, move(plan), 1)
     runs = {"motor": recorded, "joint": sensed(plan, recorded, 1)}
     return {side: read_set(write_plan(plan, made, folder / side, 1)) for side, made in runs.items()}

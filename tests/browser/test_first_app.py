@@ -186,6 +186,7 @@ def test_a_click_on_a_link_selects_its_joint(page: Any) -> None:
     raise AssertionError(f"only {before} could be chosen")
 
 
+@pytest.mark.slow
 def test_keys_and_two_pages_show_the_same(address: str, page: Any, open_page: Any) -> None:
     one, two = page, open_page(address)
     pause(one)
