@@ -42,7 +42,6 @@ def files_of(app: Application) -> Files:
     return next(step for step in app.dock.steps if isinstance(step, DataStep)).files
 
 
-@pytest.mark.slow
 def test_a_recording_grows_with_the_session(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
     files = files_of(app)
     use(app, "Run")
