@@ -8,26 +8,27 @@ processes, so that a crash is found, too.
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
+import os
 import random
 import re
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import traceback
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from benchmarks.command import command
+from benchmarks.running import alone, say
 from flexviz.errors import FlexvizError
 
 PATIENCE = 30  # [s] for one input
@@ -222,62 +223,46 @@ def fuzz(
     return faults, counts
 
 
-def child(arguments: argparse.Namespace) -> int:
-    """Try the inputs `--inputs` FIRST:LAST; faults go to standard output, as does the input under way."""
+def batch(name: str, numbers: range, seed: int, keep: Path) -> tuple[list[Fault], dict[str, list[int]]]:
+    """What `fuzz` finds with the reader `name`, "" for all; the input under way lies in `keep`."""
     from benchmarks.fuzz_readers import READERS
 
-    readers = {arguments.reader: READERS[arguments.reader]} if arguments.reader else READERS
-    first, last = map(int, arguments.range.split(":"))
-    now = Path(arguments.keep) / "now"
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # libraries complain about what they read
 
     def said(name: str, number: int, file: Path) -> None:
-        now.write_text(f"{name} {number} {file.name}")
-        shutil.copyfile(file, now.with_suffix(".input"))
+        (keep / "now").write_text(f"{name} {number} {file.name}")
+        shutil.copyfile(file, keep / "now.input")
 
-    faults, counts = fuzz(readers, range(first, last), arguments.seed, said)
-    for fault in faults:
-        place = Path(arguments.keep) / f"{fault.reader}-{fault.number}-{fault.file}"
-        place.write_bytes(fault.content)
-        print(f"FAULT {place}\n{fault.traceback}", flush=True)
-    print("COUNTS " + json.dumps(counts), flush=True)
-    return int(bool(faults))
+    return fuzz({name: READERS[name]} if name else READERS, numbers, seed, said)
 
 
-def main(arguments: argparse.Namespace) -> int:
+@command
+def main(*, inputs: int = 20_000, seed: int = 0, reader: str = "", keep: str = "") -> int:
     """Try all inputs in child processes, and print a table."""
-    total: dict[str, np.ndarray] = {}
-    faults = 0
-    keep = Path(arguments.keep or tempfile.mkdtemp(prefix="flexviz-faults-"))
-    keep.mkdir(parents=True, exist_ok=True)
-    for first in range(0, arguments.inputs, PER_CHILD):
-        last = min(first + PER_CHILD, arguments.inputs)
-        command = [sys.executable, "-m", "benchmarks.fuzz", "--range", f"{first}:{last}", "--keep", str(keep)]
-        command += ["--seed", str(arguments.seed), "--reader", arguments.reader]
-        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        for block in re.split(r"^(?=FAULT |COUNTS )", done.stdout, flags=re.MULTILINE):
-            if block.startswith("COUNTS "):
-                for name, row in json.loads(block.removeprefix("COUNTS ")).items():
-                    total[name] = total.get(name, np.zeros(2, int)) + row
-            elif block:
-                faults += 1
-                print(block)
-        if "COUNTS " not in done.stdout:
+    total: Counter[tuple[str, int]] = Counter()
+    faults, folder = 0, Path(keep or tempfile.mkdtemp(prefix="flexviz-faults-"))
+    folder.mkdir(parents=True, exist_ok=True)
+    for first in range(0, inputs, PER_CHILD):
+        numbers = range(first, min(first + PER_CHILD, inputs))
+        try:
+            found, counts = alone(batch, reader, numbers, seed, folder)
+        except BrokenProcessPool:
+            print(f"CRASH at {(folder / 'now').read_text()}; its input: {folder / 'now.input'}")
             faults += 1
-            at = (keep / "now").read_text() if (keep / "now").is_file() else "the beginning"
-            print(f"CRASH {done.returncode} at {at}; its input: {keep / 'now.input'}")
-        print(f"{last} of {arguments.inputs} inputs, {faults} faults", file=sys.stderr, flush=True)
-    for name, (taken, refused) in sorted(total.items()):
+            continue
+        for fault in found:
+            place = folder / f"{fault.reader}-{fault.number}-{fault.file}"
+            place.write_bytes(fault.content)
+            print(f"FAULT {place}\n{fault.traceback}", flush=True)
+        faults += len(found)
+        total.update({(name, k): count for name, row in counts.items() for k, count in enumerate(row)})
+        say(f"{numbers.stop} of {inputs} inputs, {faults} faults")
+    for name in sorted({name for name, _ in total}):
+        taken, refused = total[name, 0], total[name, 1]
         print(f"{name:10} {taken + refused:7} inputs: {taken} taken, {refused} refused")
-    print(f"{sum(int(row.sum()) for row in total.values())} inputs, {faults} faults; files in {keep}")
+    print(f"{total.total()} inputs, {faults} faults; files in {folder}")
     return int(bool(faults))
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--inputs", type=int, default=20_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--reader", default="")
-    parser.add_argument("--keep", default="")
-    parser.add_argument("--range", default="", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    sys.exit(child(given) if given.range else main(given))
+    sys.exit(main())

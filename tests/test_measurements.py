@@ -338,8 +338,7 @@ def test_recorded_kuka() -> None:
 @pytest.mark.slow
 def test_large_set_is_not_copied() -> None:
     """15 minutes at 1 kHz with 7 joints: memory stays near that of the arrays (libraries take 80 MB)."""
-    root = Path(__file__).resolve().parents[1]
-    command = [sys.executable, str(root / "benchmarks" / "load.py"), "--hours=0.25", "--formats=parquet,csv"]
+    command = [sys.executable, "-m", "benchmarks.load", "--hours", "0.25", "--formats", "parquet,csv"]
     result = subprocess.run(command, capture_output=True, text=True, check=True)
     for line in result.stdout.splitlines()[1:]:
         ratio = float(line.split("peak/arrays")[1].split()[0])
