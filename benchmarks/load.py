@@ -38,7 +38,7 @@ def write(folder: Path, kind: str, rows: int) -> None:
     if kind == "jitter":
         at = at + np.random.default_rng(0).uniform(-1e-4, 1e-4, rows)
     kept = np.float32 if kind == "parquet32" else np.float64
-    columns = {"time": at}
+    columns: dict[str, np.ndarray] = {"time": at}
     for i, joint in enumerate(JOINTS):
         columns[f"theta_{joint}"] = np.round(0.5 * np.sin(at * (1 + 0.1 * i)), 7).astype(kept)
         columns[f"tau_{joint}"] = np.round(20 * np.cos(at * (1 + 0.1 * i)), 4).astype(kept)

@@ -146,7 +146,7 @@ def test_a_shaken_link_is_said_to_be_shaken(tmp_path: Path) -> None:
         assert text.count(place) == 1
 
 
-def slow(residual: np.ndarray, velocity: np.ndarray, step: float) -> SlowResidual:
+def joint_with(residual: np.ndarray, velocity: np.ndarray, step: float) -> SlowResidual:
     """A joint with this residual; the other one moves."""
     count = len(residual)
     theta = np.zeros((3, count, 2))
@@ -168,11 +168,11 @@ def test_a_vibration_is_found_unless_the_motion_explains_it() -> None:
     sine = np.sin(2 * np.pi * 3.21 * time + phase)
     noise = 0.3 * rng.standard_normal(count)
     slow_motion = np.sin(2 * np.pi * 0.4 * time)
-    found = vibration(slow(sine + noise, slow_motion, step), 0)
+    found = vibration(joint_with(sine + noise, slow_motion, step), 0)
     assert found == pytest.approx(3.21, abs=0.005)
-    assert vibration(slow(3 * noise, slow_motion, step), 0) is None
-    assert vibration(slow(sine, np.sin(2 * np.pi * 3.21 * time), step), 0) is None  # the motion itself
-    assert vibration(slow(sine, np.sin(2 * np.pi * 1.07 * time), step), 0) is None  # its third harmonic
+    assert vibration(joint_with(3 * noise, slow_motion, step), 0) is None
+    assert vibration(joint_with(sine, np.sin(2 * np.pi * 3.21 * time), step), 0) is None  # the motion itself
+    assert vibration(joint_with(sine, np.sin(2 * np.pi * 1.07 * time), step), 0) is None  # its third harmonic
 
 
 def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained(
@@ -245,7 +245,7 @@ def test_a_residual_that_is_most_of_the_load_does_not_follow_it(carried: float, 
     time = step * np.tile(np.arange(count // 2), 2)
     own = np.sin(2 * np.pi * 0.31 * time)
     missing = own**3 if says else np.sign(np.sin(2 * np.pi * 0.83 * time))
-    data = slow(missing, np.cos(2 * np.pi * 0.55 * time), step)
+    data = joint_with(missing, np.cos(2 * np.pi * 0.55 * time), step)
     data.load[:, 0] = carried * own + missing
     (found,) = (m for m in joint_maps(data, 0) if m.variable == "load")
     assert found.explained > 0.9 if says else found.explained == 0.0
