@@ -1,8 +1,8 @@
 # make install   .venv with the locked versions, and flexviz in it
 # make serve     the app on bundled data   (ARGS="SET --port 9000" for something else)
-# make test      everything that is checked: style, types, tests
-# make slow      the long tests that `make test` leaves out, half an hour
-# make coverage  the tests again, with the share of the code that they run
+# make test      style, types, tests
+# make slow      the long tests, which `make test` leaves out; half an hour
+# make coverage  all tests again, with the share of the code that they run
 # make docs      the documentation as a static site in build/docs, its links checked
 # make lock      write requirements.lock anew from pyproject.toml
 
@@ -48,7 +48,7 @@ lint: install
 types: install
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# compiled once, and not by each of those who run them
+# the first command compiles the tests: once, and not in each worker
 pytest: install browser
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only -q $(ARGS) >/dev/null 2>&1 || true
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)

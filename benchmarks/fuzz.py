@@ -247,7 +247,9 @@ def main(*, inputs: int = 20_000, seed: int = 0, reader: str = "", keep: str = "
         try:
             found, counts = alone(batch, reader, numbers, seed, folder)
         except BrokenProcessPool:
-            print(f"CRASH at {(folder / 'now').read_text()}; its input: {folder / 'now.input'}")
+            now = folder / "now"
+            at = now.read_text() if now.is_file() else "the beginning"
+            print(f"CRASH at {at}; its input: {now}.input")
             faults += 1
             continue
         for fault in found:

@@ -20,7 +20,7 @@ from independent.laws import STRANGE
 
 from flexviz.diagnosis import Diagnosis, Finding, diagnose
 from flexviz.measurements import read_set
-from tests.cases import slow
+from tests.cases import slow, study
 
 # pairs that such data cannot tell apart: the twin counts where the tie is reported
 TWINS = (
@@ -29,12 +29,8 @@ TWINS = (
     {"torque_offset", "base_tilt"},
 )
 WITHOUT_JOINT = {"payload_error", "base_tilt", "torque_delay"}
-DAILY = {"coulomb_friction": 200, "stiffness_hardening": 200}  # no studies
+DAILY, LATER = ("stiffness_hardening", 200), ("coulomb_friction", 200)
 STUDY = (200, 201)
-
-
-def study(*values: object) -> Any:
-    return pytest.param(*values, marks=pytest.mark.study)
 
 
 def ask(seed: int, kind: str, robot: str, folder: Path) -> tuple[dict[str, Any], Diagnosis]:
@@ -99,9 +95,9 @@ def check_values(truth: dict[str, Any], result: Diagnosis) -> None:
 @pytest.mark.parametrize(
     "kind, seed",
     [
-        slow("coulomb_friction", DAILY["coulomb_friction"]),
-        ("stiffness_hardening", DAILY["stiffness_hardening"]),
-        *(study(kind, seed) for kind in KINDS for seed in STUDY if DAILY.get(kind) != seed),
+        DAILY,
+        slow(*LATER),
+        *(study(kind, seed) for kind in KINDS for seed in STUDY if (kind, seed) not in (DAILY, LATER)),
     ],
 )
 def test_planar_arm(kind: str, seed: int, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import re
 import runpy
 import shutil
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +29,14 @@ from flexviz.diagnosis import diagnose
 from flexviz.effects import forget_effects
 from flexviz.measurements import read_set
 from flexviz.session import Session, save_session
-from tests.cases import slow
+from tests.cases import with_slow
 from tests.shown_commands import PAGES, ROOT, Shown, blocks, mentions
 
 LENGTH = 4.0  # [s] of a simulated motion that is identified afterwards
 GLIMPSE = 0.3  # [s] of one that is not
 SHOWN = {page: commands for page in PAGES if (commands := blocks(page))}
 LONG = "designing", "recording", "fleets", "simulator"  # pages
+stem = attrgetter("stem")
 WITH_PYTHON = [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")]
 SETS = ("SET", "my_set", "my_recording", "demo", "sessions/planar-2r-demo")  # what stands for a set
 SESSIONS = ("SESSION",)
@@ -133,9 +135,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     forget_effects()
 
 
-@pytest.mark.parametrize(
-    "page", [slow(p, id=p.stem) if p.stem in LONG else p for p in SHOWN], ids=lambda page: page.stem
-)
+@pytest.mark.parametrize("page", with_slow(SHOWN, LONG, stem), ids=stem)
 def test_shown_commands_run(page: Path, workplace: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for shown in SHOWN[page]:
         program, *words = shown.words
@@ -153,7 +153,7 @@ def test_shown_commands_run(page: Path, workplace: Path, capfd: pytest.CaptureFi
             look_at(program, words, shown)
 
 
-@pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", WITH_PYTHON, ids=stem)
 def test_shown_python_runs(page: Path, workplace: Path) -> None:
     shown = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     Path("page.py").write_text("\n".join(shown), encoding="utf-8")

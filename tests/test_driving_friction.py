@@ -14,12 +14,9 @@ from flexviz.effects import EFFECTS
 from flexviz.effects.effect import EffectEvidence
 from flexviz.measurements import read_set
 from flexviz.simulation import laws
+from tests.cases import study
 
 EFFECT = EFFECTS["driving_friction"]
-
-
-def study(*values: object) -> Any:
-    return pytest.param(*values, marks=pytest.mark.study)
 
 
 def test_each_quadrant_has_its_own_share() -> None:

@@ -6,6 +6,7 @@ import json
 import runpy
 import subprocess
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ import pytest
 from flexviz.diagnosis import Diagnosis
 from flexviz.effects import forget_effects
 from flexviz.measurements import MeasurementSet
-from tests.cases import slow
+from tests.cases import with_slow
 from tests.planar_arm import shorten_presets
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,6 +31,7 @@ PRINTS = {  # what a reader of the output looks for
     "user_effect": "forward: 4.000",
 }
 LONG = "bandwidth_sweep", "batch", "user_effect"
+stem = attrgetter("stem")
 
 
 def test_every_script_is_checked() -> None:
@@ -47,9 +49,7 @@ def diagnosed(diagnosed_demo: Diagnosis, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("flexviz.diagnose", known)
 
 
-@pytest.mark.parametrize(
-    "script", [slow(s, id=s.stem) if s.stem in LONG else s for s in SCRIPTS], ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("script", with_slow(SCRIPTS, LONG, stem), ids=stem)
 def test_example_runs(
     script: Path,
     tmp_path: Path,

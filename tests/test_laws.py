@@ -16,7 +16,7 @@ from flexviz.laws.variables import path_after
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import make_plan, simulate_plan, write_plan
 from flexviz.view import law_chart, law_charts
-from tests.cases import slow
+from tests.cases import with_slow
 from tests.planar_arm import TWO, of_groups
 
 SECONDS = 4.0  # of each of the two groups
@@ -34,14 +34,9 @@ CASES = {  # effect → what is simulated and identified; others on joint 2 alon
 }
 # the instants of their jumps are not measured exactly, or there is hardly a rest to start from
 UNRESOLVED = {"backlash", "link_coulomb_friction", "coupled_friction", "startup_friction"}
-QUICK = (
-    "coulomb_friction",
-    "torque_delay",
-    "backlash",
-    "torque_ripple",
-    "gravity_compensator",
-    "payload_error",
-)
+QUICK = {
+    "coulomb_friction", "torque_delay", "backlash", "torque_ripple", "gravity_compensator", "payload_error",
+}  # fmt: skip
 
 
 def simulated(effect: str, folder: Path) -> tuple[MeasurementSet, tuple[str, ...]]:
@@ -60,7 +55,7 @@ def last_law(measurements: MeasurementSet, effects: tuple[str, ...], refine: boo
     return laws_of(measurements, found.model, effects, found.chance_covariance)[-1]
 
 
-@pytest.mark.parametrize("effect", [e if e in QUICK else slow(e) for e in EFFECTS])
+@pytest.mark.parametrize("effect", with_slow(EFFECTS, EFFECTS.keys() - QUICK))
 def test_the_data_lie_on_the_right_law_only(effect: str, tmp_path: Path) -> None:
     measurements, right = simulated(effect, tmp_path / "set")
     law = last_law(measurements, right, refine=True)

@@ -17,7 +17,7 @@ from flexviz.simulation import make_plan
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.integrator import stepper
 from flexviz.simulation.plan import Plan
-from tests.cases import slow
+from tests.cases import with_slow
 
 MAIN = ("inertial", "stiffness", "motor inertia")
 SPLIT = ("friction split",)
@@ -43,7 +43,7 @@ def test_zero_phase_from_rest() -> None:
     assert not outcome.too_pessimistic() and not outcome.too_optimistic()
 
 
-@pytest.mark.parametrize("start", [s if s == "rest" else slow(s) for s in STARTS])
+@pytest.mark.parametrize("start", with_slow(STARTS, ["moving"]))
 def test_refined(start: str) -> None:
     outcome = run(start, REFINED)
     assert outcome.converged

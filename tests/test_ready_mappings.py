@@ -27,7 +27,7 @@ from flexviz.importing.mapping import parse
 from flexviz.importing.ready_mappings import FOLDER, ready_mappings, recognised
 from flexviz.measurements import MeasurementSet, read_set
 from tests import controller_logs as logs
-from tests.cases import slow
+from tests.cases import with_slow
 from tests.controller_logs import CONSTANTS, GEARS, RATED, Run
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "importing.md"
@@ -116,7 +116,7 @@ def imported(
 LONG = "KUKA RSI", "ABB EGM", "Unitree LowState, bag", "Unitree LowState"
 
 
-@pytest.mark.parametrize("title", [slow(t) if t in LONG else t for t in MOTOR_SIDE])
+@pytest.mark.parametrize("title", with_slow(MOTOR_SIDE, LONG))
 def test_parameters_within_their_intervals(title: str, made: SimpleNamespace, tmp_path: Path) -> None:
     found = inspected(made, tmp_path, MOTOR_SIDE[title])
     assert f"  recognised: {title.split(',')[0]}" in found.draft.seen

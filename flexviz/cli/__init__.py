@@ -12,7 +12,6 @@ import gc
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from typing import Any
 
 import typer
 
@@ -86,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = app(args=arguments, prog_name="flexviz", standalone_mode=False)
     except FlexvizError as error:
         return _fail(str(error), error.exit_code)
-    except _usage_error() as error:
+    except typer.TyperException as error:
         return _fail(error.format_message(), EXIT_BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", EXIT_INTERRUPTED)
@@ -96,13 +95,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", EXIT_BAD_INPUT)
     return int(code or 0)
-
-
-def _usage_error() -> Any:
-    """What typer raises for a wrong command line: click's exception before typer 0.28."""
-    from importlib import import_module
-
-    return getattr(typer, "TyperException", None) or import_module("click").ClickException
 
 
 def _fail(message: str, code: int) -> int:
