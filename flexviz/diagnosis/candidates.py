@@ -102,24 +102,41 @@ def without_curves(fit: Fitted) -> Known:
     return Known(layout, fit.x[rows_without_curves(fit.layout)])
 
 
-def usual_model(context: MotionContext, own: Layout, beside: Fitted | None = None) -> Known:
-    """Every usual effect on every joint, at small sizes; `beside`: a model whose effects are kept."""
-    have = own.effects if beside is None else beside.layout.effects
+def usual_model(context: MotionContext, own: Layout) -> Known:
+    """Every usual effect on every joint, at small sizes."""
+    names = [name for name, law in EFFECTS.items() if law.usual]
+    bare = context.start(own)
+    return _with_small(context, Known(own, bare.x), [ChosenEffect(n, j) for n in names for j in range(own.n)])
+
+
+def plain_model(context: MotionContext, fit: Fitted, joint: int) -> Known | None:
+    """A model with all that a plain joint has: dry and load-dependent friction, offset, spring, at small sizes.
+
+    None if it lacks at most one of these.
+    """
+    names = [name for name, law in EFFECTS.items() if law.usual and law.beside is None]
+    larger = _with_small(context, fit, [ChosenEffect(name, joint) for name in names])
+    return larger if len(larger.layout.effects) > len(fit.layout.effects) + 1 else None
+
+
+def _with_small(context: MotionContext, known: Fitted, effects: Sequence[ChosenEffect]) -> Known:
+    """A model with further effects at small sizes, but for those that others replace."""
+    own, have = known.layout, set(known.layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in have}
-    shown = (name for name, law in EFFECTS.items() if law.usual and (own.motors or law.behind_gear))
-    names, joints = shown, range(own.n)
-    usual = (ChosenEffect(name, joint) for name in names for joint in joints)
-    more = (e for e in filter(own.can_have, usual)
-            if e not in have and (e.effect, e.joint) not in replaced)  # fmt: skip
-    layout = own.with_effects((*have, *more))
-    start = context.start(layout).x
-    x = start.copy() if beside is None else layout.vector(beside.layout.model(beside.x))
-    for effect, where in layout.effect_slices():
-        if beside is None or effect not in have:
-            law = EFFECTS[effect.effect]
-            values = np.array(law.typical(scale(context, effect.joint or 0, layout, start)))
-            values[list(law.size_at)] *= THRESHOLDS.criterion.tolerance
-            x[where] = values
+    more = [
+        e
+        for e in filter(own.can_have, effects)
+        if e not in have
+        and (e.effect, e.joint) not in replaced
+        and (own.motors or EFFECTS[e.effect].behind_gear)
+    ]
+    layout = own.with_effects((*own.effects, *more))
+    start, x = context.start(layout).x, layout.vector(own.model(known.x))
+    for effect in more:
+        law, where = EFFECTS[effect.effect], layout.effect_slice(effect)
+        values = np.array(law.typical(scale(context, effect.joint or 0, layout, start)))
+        values[list(law.size_at)] *= THRESHOLDS.criterion.tolerance
+        x[where] = values
     return Known(layout, x)
 
 
@@ -165,14 +182,10 @@ def excess(fit: Fit) -> float:
     return float(np.mean(np.maximum(values - 1.0, 0.0)))
 
 
-def credible(fit: Judged, effect: ChosenEffect, raw_step: float, values: Array | None = None) -> bool:
-    """Whether the parameters of an effect are plausible; `raw_step` is that of the records [s].
-
-    `values`: other parameters of the effect than those of the fit.
-    """
+def credible(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
+    """Whether an effect is possible, and its form visible in the motion; `raw_step` is that of the records [s]."""
     layout, joint = fit.layout, effect.joint or 0
-    values = fit.x[layout.effect_slice(effect)] if values is None else values
     viscous = float(layout.motor_side(fit.x)[1][joint] + fit.x[layout.link_viscous][joint])
-    top_speed = float(np.max(np.abs(fit.velocity[:, joint])))
-    evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed)
-    return EFFECTS[effect.effect].credible(values, evidence)
+    top_speed, travel = float(np.max(np.abs(fit.velocity[:, joint]))), float(np.ptp(fit.position[:, joint]))
+    evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed, travel)
+    return EFFECTS[effect.effect].credible(fit.x[layout.effect_slice(effect)], evidence)

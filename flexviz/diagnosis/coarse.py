@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Hashable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import (
     candidates,
-    credible,
     offsets_of_springs,
+    plain_model,
     usual_model,
     with_candidates,
     with_offsets_merged,
+    without,
+    without_effects,
 )
-from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, half_seconds, likelihood
-from flexviz.diagnosis.elimination import Linearised
+from flexviz.diagnosis.criterion import Gain, Residuals, criterion_of
+from flexviz.diagnosis.elimination import Linearised, eliminated
 from flexviz.diagnosis.fit_context import STEPS
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.motion_samples import Phase
-from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Resolution, Scoring, without
-from flexviz.diagnosis.search import Candidate
-from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
 from flexviz.diagnosis.unknown_curve import best_curve, is_curve
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
-from flexviz.estimation import shares_alone
+from flexviz.estimation import shares_alone, torque_scale
 
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
@@ -37,8 +35,8 @@ CoarseModel = Model[MotionFit]
 class Coarse(Resolution[MotionFit]):
     """Models of one set in the band of the motion.
 
-    Each joint is weighted by what its model leaves, σ² = noise + m, and large residuals count linearly: an
-    incomplete model of a real robot is judged by its own error instead of by sensors far better than it.
+    Each joint is weighted by what its model leaves, and large residuals count linearly: an incomplete model of a
+    real robot is judged by its own error instead of by sensors far better than it.
     """
 
     name = "coarse"
@@ -46,8 +44,22 @@ class Coarse(Resolution[MotionFit]):
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
-        self.noise = np.maximum(context.noise_floor, LIMITS.tolerance * context.spread)
+        self.noise = (1 + LIMITS.noise_known) * context.noise_floor
+        self._refused = dict[Hashable, float]()  # candidates and joints, and what they promised
         self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
+        self.begin()
+
+    def begin(self) -> CoarseModel:
+        """The set's own model, from which on J is measured, of the samples that count by now."""
+        fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
+        least = np.maximum(self.noise, LIMITS.tolerance * self.context.spread)
+        self.criterion = criterion_of(self.residuals(fit), least, self.choices, LIMITS.outlier)
+        return self.model(fit)
+
+    @property
+    def rests(self) -> bool:
+        """Whether joints stand still anywhere."""
+        return any(bool(np.any(phase < Phase.MOTION)) for phase in self.context.phases)
 
     # -- fits
 
@@ -59,17 +71,18 @@ class Coarse(Resolution[MotionFit]):
         return self.fit(layout, x)
 
     def model(self, fit: MotionFit) -> CoarseModel:
-        """A fit with its likelihood."""
-        return Model(fit, self.likelihood(fit))
+        """A fit with its score."""
+        scale, cost = torque_scale(fit.layout, fit.x), self.cost(fit.layout)
+        for effect, where in fit.layout.effect_slices():
+            if is_curve(effect):
+                cost += curve_cost(fit, where)
+            cost += EFFECTS[effect.effect].surprise(fit.x[where])
+        return Model(fit, self.criterion.score(self.residuals(fit), cost, scale))
 
-    def bare(self) -> CoarseModel:
-        """The set's own model."""
-        return self.fit(self.own, self.context.start(self.own).x)
-
-    def rich(self, beside: CoarseModel | None = None) -> CoarseModel:
-        """Every usual effect on every joint; `beside`: a model whose effects are kept."""
-        usual = usual_model(self.context, self.own, beside and beside.fit)
-        return self.fit(usual.layout, usual.x, STEPS // 2)  # it need not converge
+    def rich(self) -> CoarseModel:
+        """Every usual effect on every joint."""
+        usual = usual_model(self.context, self.own)
+        return self.fit(usual.layout, usual.x)
 
     def towards(self, model: CoarseModel, x: Array, smaller: Layout) -> Array:
         return model.fit.towards(x, smaller)
@@ -79,46 +92,31 @@ class Coarse(Resolution[MotionFit]):
         merged = with_offsets_merged(model.fit, self.own)
         return model if merged.layout == model.layout else self.fit(merged.layout, merged.x)
 
-    # -- likelihood
-
     def residuals(self, fit: MotionFit) -> list[Residuals]:
         context = self.context
         return [
-            Residuals(r, used, half_seconds(s.blocks), [b.rows for b in s.blocks])
+            Residuals(r, used, [b.rows for b in s.blocks])
             for r, used, s in zip(fit.residuals, context.used, context.parts, strict=True)
         ]
-
-    def likelihood(self, fit: MotionFit) -> Likelihood:
-        """Likelihood of a fit; free curves cost what their prior and the data say, not a count."""
-        prior, freedom = self.context.start(fit.layout).prior, 0
-        other = prior.value(fit.x)
-        for effect, where in fit.layout.effect_slices():
-            if is_curve(effect):
-                other += curve_cost(fit, where)
-            else:
-                freedom += where.stop - where.start
-        found = likelihood(self.residuals(fit), self.floor, other, freedom, LIMITS.outlier)
-        return self.judged(found, prior, fit.x)
 
     def linearised(self, model: CoarseModel) -> Linearised:
         fit = model.fit
         gradient, hessian = fit.prior_derivatives
         return Linearised(
-            fit.layout, fit.x, self.residuals(fit), fit.jacobians(), self.floor, fit.information + hessian,
-            (gradient, hessian), fit.held, self.context.start(fit.layout).bounds, model.likelihood,
-            LIMITS.outlier,
+            fit.layout, fit.x, self.residuals(fit), fit.jacobians(), fit.information + hessian,
+            (gradient, hessian), fit.held, self.context.start(fit.layout).bounds,
         )  # fmt: skip
 
     def scoring(self, fit: MotionFit) -> Scoring:
         return Scoring(fit.point, fit.chain, fit.weigh, fit.projection)
 
     def significant(self, model: CoarseModel) -> NDArray[np.bool_]:
-        """Joints whose model error is more than noise, and a share of the torque that counts, shape (n,)."""
-        deviation = model.likelihood.deviation
-        error = np.sqrt(np.maximum(deviation**2 - self.floor**2, 0.0))
-        return (error > LIMITS.unknown_share * self.context.spread) & (error > LIMITS.deviations * self.floor)
+        """Joints whose model errs by more than noise and tolerance, shape (n,)."""
+        return model.score.deviation > self.criterion.least * (1 + LIMITS.noise_known)
 
-    # -- moves
+    def firm(self, layout: Layout) -> set[ChosenEffect]:
+        curves = filter(is_curve, layout.effects)
+        return {*super().firm(layout), *curves, *offsets_of_springs(layout)}
 
     def alone(self, model: CoarseModel, joint: int | None) -> dict[str, float]:
         """Effect → share of its joint's error that it alone would remove; `joint`: None for all others."""
@@ -127,78 +125,129 @@ class Coarse(Resolution[MotionFit]):
         found = shares_alone(fit.point, fit.chain, wanted, fit.weigh, fit.projection)
         return {e.text(self.own.joints): share for e, share in found.items()}
 
-    def firm(self, layout: Layout) -> set[ChosenEffect]:
-        curves = filter(is_curve, layout.effects)
-        return {*super().firm(layout), *curves, *offsets_of_springs(layout)}
+    # -- moves
 
-    def with_added(self, model: CoarseModel, chosen: Sequence[Candidate]) -> CoarseModel:
-        """The model with candidates, fitted."""
-        self.say(f"adding: {', '.join(sorted({EFFECTS[c.content.effect.effect].title for c in chosen}))}")
-        larger = with_candidates(model.fit, [c.content for c in chosen])
-        trial = self.fit(larger.layout, larger.x, EFFORT.first_look)
-        return self.fit(larger.layout, trial.fit.x) if self.promising(model, trial) else trial
+    @property
+    def stages(self) -> dict[str, Callable[[CoarseModel], Moves[MotionFit]]]:
+        return {"add": self.larger, "swap": self.rivals, "episode": self.episodes, "unknown": self.unknowns}
 
-    def swaps(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
-        """Laws in place of those that they refine, or for which they may be mistaken."""
-        for name, law in EFFECTS.items():
-            for old, new in ((law.replaces, name), (law.instead_of, name), (name, law.instead_of)):
-                if old and new:
-                    yield partial(self.swapped, old=old, new=new)
+    def larger(self, model: CoarseModel) -> Iterator[tuple[Hashable, CoarseModel]]:
+        """On each joint its best-scored effects and its plain model; those of no joint."""
+        fit, loud = model.fit, self.loud(model)
+        if not loud.any():
+            return
+        wanted = [e for e in self.wanted(fit.layout) if e.joint is None or loud[e.joint]]
+        scored = [s for s in self.scores(fit, wanted) if self.promising(model, s.effect, s.gain)]
+        for joint in [*np.flatnonzero(loud).tolist(), None]:
+            mine = [s for s in scored if s.effect.joint == joint]
+            sensing = [s for s in mine[EFFORT.best :] if EFFECTS[s.effect.effect].where == "sensing"]
+            quiet = False
+            for s in [*mine[: EFFORT.best], *sensing]:
+                if s.gain < EFFORT.again * self._refused.get(s.effect, 0.0):
+                    continue
+                self.say(f"trying: {EFFECTS[s.effect.effect].title}")
+                start = with_candidates(fit, [s])
+                other = self.fit(start.layout, start.x)
+                if self.doubtful(other, fit.layout):
+                    continue
+                self.remember(s.effect, s.gain, model, other)
+                yield joint, other
+                if quiet := joint is not None and not self.loud(other)[joint]:
+                    break
+            above = 0.0 if joint is None else float(self.above(model)[joint])
+            if joint is None or quiet or above < EFFORT.again * self._refused.get(joint, 0.0):
+                continue
+            if (plain := plain_model(self.context, fit, joint)) is not None:
+                other = self.pruned_of(self.fit(plain.layout, plain.x), model.layout)
+                self.remember(joint, above, model, other)
+                if not self.doubtful(other, fit.layout):
+                    yield joint, other
 
-    def swapped(self, model: CoarseModel, old: str, new: str) -> CoarseModel:
-        """The model with a law in place of another on the joints where that gains."""
-        fit = model.fit
-        loud = model.likelihood.deviation > self.floor
-        pairs = {
-            e: ChosenEffect(new, e.joint)
-            for e in fit.layout.effects
-            if e.effect == old and e.joint is not None and loud[e.joint]
-        }
-        taken = {*self.own.effects, *fit.layout.effects}
-        pairs = {e: to for e, to in pairs.items() if e not in self.own.effects and to not in taken}
-        if not pairs:
+    def remember(self, key: Hashable, promise: float, before: CoarseModel, after: CoarseModel) -> None:
+        """Keep what a refused trial promised: it is not tried again until it promises clearly more."""
+        if after.score.total >= before.score.total:
+            self._refused[key] = promise
+
+    def pruned_of(self, model: CoarseModel, firm: Layout) -> CoarseModel:
+        """The model without effects that it does not need, but for those of another one."""
+        among = set(model.layout.effects) - set(firm.effects) - offsets_of_springs(model.layout)
+        gone, x = eliminated(self.linearised(model), model.score, self, among)
+        if not gone:
             return model
-        self.say(f"trying: {EFFECTS[new].title}")
-        trial = self.exchanged(model, model, pairs)
-        found = gain(model.likelihood, trial.likelihood)
-        clear = found.by_joint > LIMITS.deviations * found.errors
-        good = {
-            e: to
-            for e, to in pairs.items()
-            if clear[e.place.own_joint] and credible(trial.fit, to, self.raw_step)
-        }
-        if not good:
-            return trial if len(pairs) == 1 else model
-        return self.pruned(trial if len(good) == len(pairs) else self.exchanged(model, trial, good))
+        smaller = without(model.layout, gone)
+        return self.fit(smaller, self.towards(model, x, smaller))
 
-    def exchanged(
-        self, model: CoarseModel, values: CoarseModel, pairs: Mapping[ChosenEffect, ChosenEffect]
-    ) -> CoarseModel:
-        """The model with effects exchanged, from the values of a model that may have the new ones."""
-        fit = model.fit
-        springs = {e.joint for e in pairs if EFFECTS[e.effect].offset_parameter}
-        offsets = offsets_of_springs(fit.layout) - set(self.own.effects)
-        gone = {offset.joint: offset for offset in offsets if offset.joint in springs}
-        kept = without(fit.layout, gone.values()).effects
-        layout = fit.layout.with_effects(pairs.get(e, e) for e in kept)
-        x = layout.vector(values.layout.model(values.fit.x))
-        for old, new in pairs.items():
-            if new not in values.layout.effects:
-                start = fit.x[fit.layout.effect_slice(old)]
-                if old.joint in gone:
-                    torque = float(fit.x[fit.layout.effect_slice(gone[old.joint]).start])
-                    start = EFFECTS[old.effect].with_constant(start, torque)
-                x[layout.effect_slice(new)] = EFFECTS[new.effect].refining(start)
-        for effect, where in layout.effect_slices():
-            if effect in fit.layout.effects and effect not in values.layout.effects:
-                x[where] = fit.x[fit.layout.effect_slice(effect)]
-        # while an effect is missing, others stand in for it at values from which a fit may not return
-        afresh = self.context.start(layout).x.copy()
-        afresh[layout.effect_start :] = x[layout.effect_start :]
-        best = min(
-            (self.fit(layout, at, EFFORT.first_look) for at in (x, afresh)), key=lambda m: m.fit.objective
-        )
-        return self.fit(layout, best.fit.x) if best.fit.objective < fit.objective else best
+    def promising(self, model: CoarseModel, effect: ChosenEffect, gained: float) -> bool:
+        """Whether an effect may lower J, by the decrease of the weighted sum of squares that its score promises."""
+        if EFFECTS[effect.effect].underrated:
+            return True
+        count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
+        share = (self.criterion.samples / count)[slice(None) if effect.joint is None else effect.joint]
+        return EFFORT.reach * 0.5 * gained * float(np.max(share)) > self.cost_of(effect)
+
+    def united(self, model: CoarseModel, others: list[CoarseModel]) -> CoarseModel:
+        """The model with what others have more, or instead."""
+        have, fit = set(model.layout.effects), model.fit
+        gone = {e for other in others for e in have - set(other.layout.effects)}
+        kept = [e for e in model.layout.effects if e not in gone]
+        added = {e: other for other in others for e in other.layout.effects if e not in have}
+        layout = fit.layout.with_effects((*kept, *added))
+        x = layout.vector(fit.layout.model(fit.x))
+        for effect, other in added.items():
+            x[layout.effect_slice(effect)] = other.fit.x[other.layout.effect_slice(effect)]
+        larger = self.fit(layout, x)
+        while doubtful := self.doubtful(larger, model.layout):
+            start = without_effects(larger.fit, doubtful)
+            larger = self.fit(start.layout, start.x)
+        return larger
+
+    def episodes(self, model: CoarseModel) -> Iterator[tuple[Hashable, CoarseModel]]:
+        """An episode on each joint: of the right size and length, it explains a part of anything."""
+        loud = self.loud(model)
+        for s in self.scores(model.fit, [], episodes=True) if loud.any() else ():
+            if loud[s.effect.place.own_joint] and self.promising(model, s.effect, s.gain):
+                start = with_candidates(model.fit, [s])
+                other = self.fit(start.layout, start.x)
+                if not self.doubtful(other, model.layout):
+                    yield s.effect.joint, other
+
+    def rivals(self, model: CoarseModel) -> Iterator[tuple[Hashable, CoarseModel]]:
+        """Effects exchanged for others of their family, or for those that they refine or are mistaken for."""
+        own, have = set(self.own.effects), set(model.layout.effects)
+        needed = {(EFFECTS[e.effect].beside, e.joint): e for e in have - own}
+        for effect in model.layout.effects:
+            others = [ChosenEffect(name, effect.joint) for name in alternatives(effect.effect)]
+            others = [e for e in others if e not in have and self.own.can_have(e)]
+            if effect in own or effect.joint is None or is_curve(effect) or not others:
+                continue
+            gone = {effect, needed.get((effect.effect, effect.joint), effect)}
+            start = without_effects(model.fit, gone)
+            there = self.fit(start.layout, start.x, iterations=0)
+            ranked = self.scores(there.fit, [effect, *others])
+            mine = next((s.gain for s in ranked if s.effect == effect), 0.0)
+            for s in [s for s in ranked if s.effect != effect and s.gain > EFFORT.close * mine]:
+                self.say(f"trying: {EFFECTS[s.effect.effect].title}")
+                at = with_candidates(there.fit, [s])
+                other = self.fit(at.layout, at.x)
+                if not self.doubtful(other, model.layout):
+                    yield effect.joint, other
+        for name, law in EFFECTS.items():
+            for joint in range(self.own.n) if law.merges else ():
+                if {ChosenEffect(part, joint) for part in law.merges} <= have - own:
+                    yield joint, self.merged(model, ChosenEffect(name, joint))
+
+    def merged(self, model: CoarseModel, new: ChosenEffect) -> CoarseModel:
+        """The model with an effect in place of those that it merges."""
+        law, fit = EFFECTS[new.effect], model.fit
+        gone = {name: ChosenEffect(name, new.joint) for name in law.merges}
+        layout = without(fit.layout, gone.values())
+        layout = layout.with_effects((*layout.effects, new))
+        x = layout.vector(fit.layout.model(fit.x))
+        values = {name: fit.x[fit.layout.effect_slice(e)] for name, e in gone.items()}
+        x[layout.effect_slice(new)] = law.merged(values)
+        return self.fit(layout, x)
+
+    # -- first movements after a standstill
 
     def gains(self, model: CoarseModel) -> dict[ChosenEffect, Gain]:
         return super().gains(model) | self.in_start
@@ -218,13 +267,12 @@ class Coarse(Resolution[MotionFit]):
         starts = [
             e for e in wanted if EFFECTS[e.effect].after_rest and before[e.place.own_joint] == Phase.MOTION
         ]
-        scored = self.scores(there.fit, starts, episodes=False)
+        scored = self.scores(there.fit, starts)
         start = with_candidates(there.fit, scored)
         larger = self.fit(start.layout, start.x)
-        gains = {s.effect: self.gain_in_start(there, larger, s.effect.place.own_joint) for s in scored}
-        kept = [
-            s for s in scored if gains[s.effect].accepted and credible(larger.fit, s.effect, self.raw_step)
-        ]
+        sigma = model.score.deviation
+        gains = {s.effect: self.gain_in_start(there, larger, s.effect, sigma) for s in scored}
+        kept = [s for s in scored if gains[s.effect].accepted]
         self.in_start = {s.effect: gains[s.effect] for s in kept}
         joints = [s.effect.place.own_joint for s in kept]
         context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
@@ -233,38 +281,44 @@ class Coarse(Resolution[MotionFit]):
         start = with_candidates(there.fit, kept)
         return self.fit(start.layout, start.x)
 
-    def gain_in_start(self, before: CoarseModel, after: CoarseModel, joint: int) -> Gain:
+    def gain_in_start(
+        self, before: CoarseModel, after: CoarseModel, effect: ChosenEffect, sigma: Array
+    ) -> Gain:
         """What a larger model gains in the first movements of a joint, in units of what is left in motion."""
-        sigma = np.full(self.own.n, np.inf)
-        sigma[joint] = before.likelihood.deviation[joint]
+        joint, falls = effect.place.own_joint, []
+        count = sum(part.used.sum(axis=0) for part in self.residuals(before.fit))
+        for old, new, phase in zip(
+            self.residuals(before.fit), self.residuals(after.fit), self.context.phases, strict=True
+        ):
+            here = phase[:, joint] == Phase.START
+            squares = old.values[here, joint] ** 2 - new.values[here, joint] ** 2
+            falls.append(0.5 * float(squares.sum()) / sigma[joint] ** 2)
+        nats = sum(falls) * float(self.criterion.samples[joint] / count[joint])
+        by_joint = np.where(np.arange(self.own.n) == joint, nats, 0.0)
+        return Gain(nats - self.cost_of(effect), by_joint, falls[-1])
 
-        def like(model: CoarseModel) -> Likelihood:
-            only = [
-                replace(p, used=p.used & (phase == Phase.START))
-                for p, phase in zip(self.residuals(model.fit), self.context.phases, strict=True)
-            ]
-            extra = 2 * (model is after)
-            return likelihood(only, sigma, 0.0, extra, np.inf, before.likelihood.times, fixed=True)
+    # -- unknown laws
 
-        return gain(like(before), like(after), self.tried)
-
-    def unknowns(self, model: CoarseModel) -> Iterable[Callable[[CoarseModel], CoarseModel]]:
+    def unknowns(self, model: CoarseModel) -> Iterator[tuple[Hashable, CoarseModel]]:
         """A free curve on a joint with a significant model error, the largest first."""
         taken = {e.joint for e in model.layout.effects if is_curve(e)}
         much = self.significant(model)
-        order = map(int, np.argsort(-model.likelihood.deviation / self.floor))
+        order = map(int, np.argsort(-model.score.deviation / self.criterion.least))
         joints = [j for j in order if much[j] and j not in taken]
-        return [partial(self.with_curve, joint=j) for j in joints[: THRESHOLDS.search.unknown_places]]
+        for joint in joints[: EFFORT.unknown_places]:
+            self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
+            curve, _ = best_curve(model.fit, joint)
+            layout = model.layout.with_effects((*model.layout.effects, curve))
+            yield joint, self.fit(layout, layout.vector(model.layout.model(model.fit.x)))
 
-    def with_curve(self, model: CoarseModel, joint: int) -> CoarseModel:
-        """The model with the free curve of a joint that explains most, and what is needed given it."""
-        curve, promised = best_curve(model.fit, joint)
-        if 0.5 * promised / model.likelihood.times[joint] < self.least():
-            return model
-        self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
-        layout = model.layout.with_effects((*model.layout.effects, curve))
-        start = self.fit(layout, layout.vector(model.layout.model(model.fit.x)))
-        return self.pruned(self.rich(start))
+
+def alternatives(effect: str) -> Iterable[str]:
+    """Names of effects for which one of a joint may be exchanged."""
+    law, family = EFFECTS[effect], family_of(effect)
+    names = [law.replaces, law.instead_of, *(EFFECT_FAMILIES[family] if family else ())]
+    names += [name for name, other in EFFECTS.items() if effect in (other.replaces, other.instead_of)]
+    laws = {n: EFFECTS[n] for n in names if n and n != effect}
+    return [n for n, law in laws.items() if law.scope == "joint" and law.beside is None]
 
 
 def curve_cost(fit: MotionFit, where: slice) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 
 from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.motion_fit import MotionContext
@@ -103,63 +102,57 @@ class Course:
         except Interrupted:
             self.searching = False
             with stopped_by(never):
-                return self.ended(self.best or self.view.bare(), at_noise=False)
+                return self.ended(self.best or self.view.begin())
         finally:
             self.searching = False
 
     def searched(self) -> SearchEnd:
         """The end of the search at both resolutions."""
         coarse, view = self.coarse_search(), self.view
-        end = self.ended(coarse, at_noise=True)
-        if end.curves or (view.significant(coarse).any() and not self.fine.complete(end.fine)):
+        plain = without_curves(coarse.fit)
+        fine = self.fine.begin(plain.layout, plain.x, STEPS if plain.layout == coarse.layout else 0)
+        end = SearchEnd(coarse, fine, at_noise=True)
+        if end.curves or self.errs(coarse, fine):
             return replace(end, at_noise=False)
         self.tell(SearchStage.FINE)
-        assert view.reference is not None
-        self.fine.reference = end.fine.likelihood
-        self.fine.explained = np.maximum(gain(view.reference, coarse.likelihood).by_joint, 0.0)
-        found = Search(self.fine, trace=self.trace).run(end.fine)
+        found = Search(self.fine, trace=self.trace).run(fine)
         if found.layout != coarse.layout:
             coarse = view.fit(found.layout, found.fit.x)
         return SearchEnd(coarse, found, True, changing_size(self.fine, found))
+
+    def errs(self, coarse: CoarseModel, fine: FineModel) -> bool:
+        """Whether a model errs by more than noise and tolerance.
+
+        Torques at reversals and gap crossings are unknown to the coarse resolution; the fine one accounts for them.
+        """
+        view = self.view
+        return bool(view.significant(coarse).any()) and self.fine.errs(fine, view.noise, view.criterion.least)
 
     def coarse_search(self) -> CoarseModel:
         """The end of the search at the coarse resolution."""
         view = self.view
         self.say(SearchStage.OWN_MODEL)
-        bare = self.best = view.bare()
-        view.reference = bare.likelihood
+        bare = self.best = view.begin()
         self.fitted(bare.fit)
-        if view.at_noise(bare):
+        if not view.loud(bare).any():
             return bare
         for joint in (*range(self.own.n), None) if self.progress else ():
             self.news = replace(self.news, alone={**self.news.alone, **view.alone(bare, joint)})
             self.say(SearchStage.SURVEY)
         self.say(SearchStage.USUAL)
-        rich = view.pruned(view.rich())
-        if view.significant(rich).any() and view.context.set_standstill_apart(rich.fit):
-            rich = view.rich()
-        self.say(SearchStage.SEARCH if view.significant(rich).any() else SearchStage.CHECK)
-        search, end = self.searched_from(rich)
-        if view.significant(end).any():
-            self.say(SearchStage.AGAIN)
-            other, there = self.searched_from(view.bare())  # of the samples that count by now
-            if gain(end.likelihood, there.likelihood).accepted:
-                search, end = other, there
-        self.trace = search.trace
-        self.say(SearchStage.UNKNOWN if view.significant(end).any() else SearchStage.FOUND)
-        return view.with_first_movements(view.with_rest_angles(search.run(end)))
-
-    def searched_from(self, start: CoarseModel) -> tuple[Search[CoarseModel], CoarseModel]:
-        """A search without unknown inputs, and its end."""
-        search = Search(self.view, self.made)
-        return search, search.run(start, inner=True)
+        if view.rests and view.context.set_standstill_apart(view.rich().fit):
+            bare = view.begin()
+        self.say(SearchStage.SEARCH)
+        end = Search(view, self.made, self.trace).run(bare)
+        self.say(SearchStage.FOUND)
+        return view.with_first_movements(view.with_rest_angles(end))
 
     def made(self, model: CoarseModel) -> None:
         """A model is accepted."""
         self.best = model
         self.fitted(without_curves(model.fit), self.view.context.first_phase)
 
-    def ended(self, coarse: CoarseModel, at_noise: bool) -> SearchEnd:
+    def ended(self, coarse: CoarseModel) -> SearchEnd:
+        """Where the search stopped."""
         plain = without_curves(coarse.fit)
-        whole = at_noise and plain.layout == coarse.layout
-        return SearchEnd(coarse, self.fine.fit(plain.layout, plain.x, STEPS if whole else 0), at_noise)
+        return SearchEnd(coarse, self.fine.begin(plain.layout, plain.x, 0), at_noise=False)

@@ -7,16 +7,17 @@ Jacobian and H therefore judge every smaller model by the criterion, without a f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, likelihood
+from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, Score, gain
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import Bounds, scaled_inverse
+from flexviz.estimation import Bounds, scaled_inverse, torque_scale
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -30,78 +31,77 @@ class Linearised:
         layout, x: the model and its parameters, shape (P,).
         parts: residuals of the fit groups, and of the validation groups if there are any.
         jacobians: of each part, shape (N, n, P).
-        floor: shape (n,), standard deviation of each joint's residual due to the noise.
         hessian: shape (P, P), of the objective.
         prior: gradient (P,) and Hessian (P, P) of the prior.
         held: shape (P,), parameters that do not move.
         bounds: of the parameters.
-        likelihood: of the model.
-        outlier: as in `likelihood`.
     """
 
     layout: Layout
     x: Array
     parts: Sequence[Residuals]
     jacobians: Sequence[Array]
-    floor: Array
     hessian: Array
     prior: tuple[Array, Array]
     held: Bools
     bounds: Bounds
-    likelihood: Likelihood
-    outlier: float
 
 
-@dataclass(frozen=True, eq=False)
-class Elimination:
-    """Result of an elimination: the effects that stay, and the start of a fit without the others.
+class Costs(Protocol):
+    """What judges models and prices effects."""
 
-    Attributes:
-        kept: what each effect gains given the others.
-        dropped: effects left out, in this order, with what each gained when it was dropped.
-        x: shape (P,), parameters of the full layout with the dropped effects at zero.
+    @property
+    def criterion(self) -> Criterion: ...
+
+    def saved(self, layout: Layout, effect: ChosenEffect) -> float: ...
+
+
+def needs(
+    data: Linearised, score: Score, costs: Costs, among: Collection[ChosenEffect] | None = None
+) -> dict[ChosenEffect, tuple[Gain, Array]]:
+    """What each effect of a model, or each of `among`, gains given the others.
+
+    With the parameters (P,) of the model without it.
     """
+    covariance = _inverse(data.hessian, data.held)
+    out = {}
+    for effect, where in data.layout.effect_slices():
+        if among is not None and effect not in among:
+            continue
+        move = _joint_move(data, [where], [effect], covariance)
+        saved = costs.saved(data.layout, effect)
+        out[effect] = gain(_moved(data, move, score.cost - saved, costs), score), data.x + move
+    return out
 
-    kept: dict[ChosenEffect, Gain]
-    dropped: dict[ChosenEffect, Gain]
-    x: Array
+
+def eliminated(
+    data: Linearised, score: Score, costs: Costs, among: Collection[ChosenEffect]
+) -> tuple[list[ChosenEffect], Array]:
+    """Those of some effects that a model does not need, dropped one by one, and the parameters (P,) without them."""
+    slices, gone = dict(data.layout.effect_slices()), list[ChosenEffect]()
+    covariance, x, now, layout = _inverse(data.hessian, data.held), data.x, score, data.layout
+    while left := [e for e in among if e not in gone]:
+        trials = []
+        for effect in left:
+            some = [*gone, effect]
+            move = _joint_move(data, [slices[e] for e in some], some, covariance)
+            cost = now.cost - costs.saved(layout, effect)
+            trials.append((_moved(data, move, cost, costs), effect, data.x + move))
+        best, effect, there = min(trials, key=lambda trial: trial[0].total)
+        if best.total > now.total:
+            break
+        gone, now, x = [*gone, effect], best, there
+        layout = layout.with_effects(e for e in layout.effects if e != effect)
+    return gone, x
 
 
-def eliminate(
-    data: Linearised,
-    firm: Callable[[Layout], Collection[ChosenEffect]],
-    impossible: Collection[ChosenEffect],
-    tried: int,
-    trace: Callable[[ChosenEffect], float] = lambda effect: 0.0,
-) -> Elimination:
-    """Drop, one by one, the effects that a model does not need: the impossible ones, then the least needed.
-
-    Args:
-        data: the model.
-        firm: effects of a model that are not dropped, such as those of the set's own model.
-        impossible: effects whose parameters could not be real.
-        tried: number of candidates from which the effects were chosen.
-        trace: what approximate laws leave where an effect acts, which it has to exceed [nats].
-    """
-    left, dropped = dict(data.layout.effect_slices()), dict[ChosenEffect, Gain]()
-    moved, now = np.zeros(len(data.x)), data
-    held = data.held.copy()
-    while True:
-        covariance = _inverse(data.hessian, held)
-        moves = {effect: _move(now, effect, where, covariance) for effect, where in left.items()}
-        found = _gains(now, moves, tried, trace)
-        stay = firm(data.layout.with_effects(left))
-        weak = [e for e, g in found.items() if e not in stay and (e in impossible or not g.accepted)]
-        if not weak:
-            return Elimination(found, dropped, now.x)
-        worst: dict[int | None, ChosenEffect] = {}
-        for effect in sorted(weak, key=lambda e: (e not in impossible, found[e].delta)):
-            worst.setdefault(effect.joint, effect)  # those of one joint may stand in for one another
-        moved = moved + _joint_move(now, [left[e] for e in worst.values()], list(worst.values()), covariance)
-        for effect in worst.values():
-            held[left.pop(effect)] = True
-            dropped[effect] = found[effect]
-        now = _moved(data, moved)
+def _moved(data: Linearised, move: Array, cost: float, costs: Costs) -> Score:
+    """The score of a model with parameters moved, shape (P,), and another cost."""
+    parts = [
+        replace(part, values=part.values + jacobian @ move)
+        for part, jacobian in zip(data.parts, data.jacobians, strict=True)
+    ]
+    return costs.criterion.score(parts, cost, torque_scale(data.layout, data.x + move))
 
 
 def _joint_move(
@@ -160,11 +160,6 @@ def _inverse(hessian: Array, held: Bools) -> Array:
     return out
 
 
-def _move(data: Linearised, effect: ChosenEffect, where: slice, covariance: Array) -> Array:
-    """How the parameters move when an effect is left out, shape (P,)."""
-    return _joint_move(data, [where], [effect], covariance)
-
-
 def _within(data: Linearised, rows: NDArray[np.intp], target: Array, covariance: Array) -> Array:
     """The move (P,) of all parameters when those at `rows` move by `target`; none leaves its bounds."""
     free = covariance[rows, rows] > 0
@@ -185,42 +180,3 @@ def _within(data: Linearised, rows: NDArray[np.intp], target: Array, covariance:
     move = np.clip(data.x + move, data.bounds.lower, data.bounds.upper) - data.x
     move[rows] = target
     return move
-
-
-def _moved(data: Linearised, move: Array) -> Linearised:
-    """The model with other parameters, linearised at the same point."""
-    parts = [
-        replace(part, values=part.values + jacobian @ move)
-        for part, jacobian in zip(data.parts, data.jacobians, strict=True)
-    ]
-    gradient, hessian = data.prior
-    other = data.likelihood.other + float(gradient @ move + 0.5 * move @ hessian @ move)
-    before = data.likelihood
-    found = likelihood(parts, data.floor, other, before.freedom, data.outlier, before.times)
-    prior = gradient + hessian @ move, hessian
-    return replace(data, x=data.x + move, parts=parts, prior=prior, likelihood=found)
-
-
-def _gains(
-    data: Linearised,
-    moves: Mapping[ChosenEffect, Array],
-    tried: int,
-    trace: Callable[[ChosenEffect], float],
-) -> dict[ChosenEffect, Gain]:
-    """What each effect gains given the others, from the moves (P,) that leave it out."""
-    together = np.stack(list(moves.values()), axis=1) if moves else np.zeros((len(data.x), 0))
-    changes = [jacobian @ together for jacobian in data.jacobians]
-    gradient, hessian = data.prior
-    costs = gradient @ together + 0.5 * np.einsum("pe,pq,qe->e", together, hessian, together)
-    before, out = data.likelihood, {}
-    for k, effect in enumerate(moves):
-        law = EFFECTS[effect.effect]
-        parts = [
-            replace(part, values=part.values + change[:, :, k])
-            for part, change in zip(data.parts, changes, strict=True)
-        ]
-        freedom = before.freedom - len(law.parameters)
-        other = before.other + float(costs[k])
-        smaller = likelihood(parts, data.floor, other, freedom, data.outlier, before.times)
-        out[effect] = gain(smaller, before, tried, trace(effect))
-    return out

@@ -73,7 +73,7 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
     """One finding per added effect, in the order of the staircase."""
     view, n, last, found = course.view, course.own.n, stairs[-1], list[Finding]()
     gains = course.fine.gains(end.fine) if end.at_noise else view.gains(end.coarse)
-    left = np.zeros(n) if end.at_noise else view.above_by_joint(end.coarse) * view.significant(end.coarse)
+    left = np.zeros(n) if end.at_noise else view.above(end.coarse) * view.significant(end.coarse)
     for curve in end.curves:
         left[curve.place.own_joint] += max(gains[curve].delta, 0.0)
     # a band that allowed for missing effects would hide them
@@ -83,23 +83,24 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
     for (before, after), share in zip(pairwise(stairs), shares, strict=True):
         effect = after.added
         assert effect is not None
-        need = gains.get(effect, Gain(0.0, 1.0, np.zeros(n), np.ones(n)))
+        need = gains.get(effect, Gain(0.0, np.zeros(n), 0.0))
         beside = float(left.max() if effect.joint is None else left[effect.joint])
         tied = tuple(ties(view, end.coarse, effect, rivals(course.trace, effect)))
-        sure = 0.0 if is_curve(effect) else confidence(need, beside)
+        sure = 0.0 if is_curve(effect) else confidence(need.delta, beside)
         family = family_in(effect.effect, tied, sure)
         several = len(family.members) if family is not None and family.tied else 1
         found.append(replace(
             finding(effect, before, after, last, course.band), confidence=sure / several, family=family,
             inseparable_from=tied, gain=float(need.delta), absorbed=absorbed(before, after), share=share,
-            features=(float(need.delta), float(need.error), beside), law=laws.get(effect),
+            features=(float(need.delta), beside), law=laws.get(effect),
         ))  # fmt: skip
     return found
 
 
 def rivals(trace: Sequence[Tried], effect: ChosenEffect) -> list[str]:
     """Laws for which an effect was swapped without a clear gain or loss."""
-    swaps = (m for m in trace if m.kind == "swap" and not m.gain.clear and effect in m.removed)
+    close = LIMITS.temperature
+    swaps = (m for m in trace if m.kind == "swap" and abs(m.gain.delta) < close and effect in m.removed)
     return [new.effect for move in swaps for new in move.added if new.joint == effect.joint]
 
 

@@ -59,6 +59,9 @@ class Judged(Fitted, Protocol):
     @property
     def velocity(self) -> Array: ...  # of the motors, shape (N, n) [rad/s]
 
+    @property
+    def position(self) -> Array: ...  # of the motors, shape (N, n) [rad]
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -94,6 +97,11 @@ class Fit:
     def velocity(self) -> Array:
         """Of the motors in the fit groups, shape (N, n) [rad/s]."""
         return self.point.narrow_point.signals.theta[1]
+
+    @property
+    def position(self) -> Array:
+        """Of the motors in the fit groups, shape (N, n) [rad]."""
+        return self.point.narrow_point.signals.theta[0]
 
 
 class FitContext:

@@ -94,7 +94,7 @@ class MotionFit:
         return self.residual * self.weights, self._jacobian.get(self._weighted)
 
     def _weighted(self, jacobian: Array | None = None) -> Array:
-        jacobian = self.point.evaluate(self.x, moving=True).jacobian if jacobian is None else jacobian
+        jacobian = self.point.evaluate(self.x, moving=True, near=True).jacobian if jacobian is None else jacobian
         jacobian *= self.weights[:, :, None]
         return jacobian
 
@@ -107,6 +107,11 @@ class MotionFit:
     def velocity(self) -> Array:
         """Of the motors in the fit groups, shape (N, n) [rad/s]."""
         return self.context.signals.theta[1]
+
+    @property
+    def position(self) -> Array:
+        """Of the motors in the fit groups, shape (N, n) [rad]."""
+        return self.context.signals.theta[0]
 
     def instruments(self) -> Array:
         """The weighted Jacobian Z, shape (N n, P)."""
@@ -160,7 +165,7 @@ class MotionFit:
 
     def jacobians(self) -> list[Array]:
         """Of each of the context's parts, shape (N, n, P)."""
-        return [point.evaluate(self.x, moving=True).jacobian for point in (self.point, *self._held_out())]
+        return [point.evaluate(self.x, moving=True, near=True).jacobian for point in (self.point, *self._held_out())]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
@@ -240,7 +245,7 @@ class MotionContext:
             np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
             for part in (~moving & used, moving)
         )
-        ratio, share = THRESHOLDS.criterion.deviations, THRESHOLDS.criterion.unknown_share
+        ratio, share = THRESHOLDS.standstill.louder, THRESHOLDS.criterion.tolerance
         louder = rest > np.maximum(ratio**2 * motion, (share * self.spread) ** 2)
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
@@ -280,7 +285,7 @@ class MotionProblem:
         """The model at x, shape (P,), with its weights and objective."""
         self.check()
         context, point = self.context, self.equation.at(x, before and before.point)
-        now = point.evaluate(x, moving=True)
+        now = point.evaluate(x, moving=True, near=True)
         weights, misfit = robust_weights(now.residual, context.noise_floor, context.used[0])
         fit = MotionFit(
             context, point.layout, x, point, now.residual, now.torque[0].copy(), now.link, weights,

@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Residuals, huber, robust_deviation
+from flexviz.diagnosis.criterion import Residuals, deviations, huber
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Signals
 
@@ -23,8 +23,7 @@ def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tu
 
     Shape (N, n): residual [Nm], samples that count, weights [1/Nm]; `floor`, shape (n,): the smallest σ [Nm].
     """
-    part = Residuals(residual, used, (), ())
-    sigma = np.maximum(robust_deviation([part], np.maximum(used.sum(axis=0), 1), OUTLIER), floor)
+    sigma = np.maximum(deviations([Residuals(residual, used, ())], OUTLIER), floor)
     ratio = np.abs(residual) / sigma * used
     weights = used * np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(ratio, 1e-12))) / sigma
     misfit = used.sum(axis=0) @ np.log(sigma) + huber(ratio, OUTLIER).sum()

@@ -111,9 +111,7 @@ class _Description:
         course, end, final = self.course, self.end, self.final()
         course.tell(SearchStage.STAIRS)
         stairs = staircase(course, end, final)
-        left = (
-            not course.fine.complete(end.fine) if end.at_noise else course.view.significant(end.coarse).any()
-        )
+        left = course.errs(end.coarse, end.fine) if end.at_noise else course.view.significant(end.coarse).any()
         complete = not (left or end.curves or end.changing or self.drowned(final))
         last: Verdict = "nothing-missing" if complete else "unknown"
         found = findings(course, end, stairs)
@@ -146,7 +144,7 @@ class _Description:
         at_bound = (shown.x <= start.bounds.lower) | (shown.x >= start.bounds.upper)
         told = () if beside is None else beside.notes(context, parts, fit)
         # variance of the model error that the search allowed for, shape (n,) [Nm²]
-        error = None if end.at_noise or not unknown else end.coarse.likelihood.deviation**2
+        error = None if end.at_noise or not unknown else end.coarse.score.deviation**2
         more = notes(fit, made[-1].verdict, shown.errors, error, curve, guard)
         parameters = parameter_estimates(
             layout, shown.x, start.prior.centre, shown.covariance, at_bound, start.prior
@@ -201,7 +199,7 @@ class _Description:
         joints, found, accepted = self.course.own.joints, tried.gain, tried.accepted
         added, removed = (tuple(sorted(e.text(joints) for e in es)) for es in (tried.added, tried.removed))
         why = "" if accepted else found.why or "it is not needed"
-        return Move(tried.kind, added, removed, found.delta, found.error, accepted, tried.resolution, why)
+        return Move(tried.kind, added, removed, found.delta, 0.0, accepted, tried.resolution, why)
 
     def place(self, fit: Fit) -> UnknownPlace | None:
         """The place of what the final model lacks: one law acts at one place."""
@@ -211,7 +209,7 @@ class _Description:
         if self.course.stopped or end.curves or end.changing is not None or several:
             return None
         self.course.tell(SearchStage.PLACE)
-        ratio = end.coarse.likelihood.deviation / view.floor
+        ratio = end.coarse.score.deviation / view.criterion.least
         return unknown_place(self.course.fine.context, fit, lambda: None, [int(np.argmax(ratio))])
 
     def final(self) -> Stair:

@@ -1,40 +1,40 @@
-"""What both resolutions share: models with their likelihood, and how moves between them are judged."""
+"""What both resolutions share: models with their score, candidates, and which parts a model needs."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import candidates, credible, is_episode, without
-from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, chance, gain
-from flexviz.diagnosis.elimination import Elimination, Linearised, eliminate
+from flexviz.diagnosis.candidates import candidates, credible, is_episode, offsets_of_springs, without
+from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, Score
+from flexviz.diagnosis.elimination import Linearised, needs
 from flexviz.diagnosis.fit_context import Judged
-from flexviz.diagnosis.search import Candidate
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import DECOYS, EFFECTS, ChosenEffect
+from flexviz.diagnosis.unknown_curve import is_curve
+from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, simplest
 from flexviz.equation import Chain, Layout, OperatingPoint
-from flexviz.estimation import Prior, Projection, ScoredCandidate, Weigh, best_intervals, score
+from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 AnyFit = TypeVar("AnyFit", bound=Judged)
+Moves = Iterable[tuple[Hashable, "Model[AnyFit]"]]
 
 LIMITS, EFFORT = THRESHOLDS.criterion, THRESHOLDS.search
 
 
 @dataclass(frozen=True, eq=False)
 class Model(Generic[AnyFit]):
-    """A fitted model with its likelihood."""
+    """A fitted model with its score."""
 
     fit: AnyFit
-    likelihood: Likelihood
+    score: Score
 
     @property
     def layout(self) -> Layout:
@@ -62,30 +62,24 @@ class Resolution(ABC, Generic[AnyFit]):
         many: whether effects are candidates that only show where many are missing.
 
     Attributes:
-        tried: number of candidates of the set's own model.
+        criterion: of the recording.
         decoys: whether candidates that cannot be right compete (`flexviz.effects.DECOYS`).
-        reference: likelihood of the model from which the search begins.
-        explained: shape (n,), what that explains [nats].
-        noise: shape (n,), standard deviation of each joint's residual that noise explains.
     """
 
     name: ClassVar[str]
-    noise: Array
+    criterion: Criterion
     decoys: bool = False
-    reference: Likelihood | None = None
-    explained: Array | float = 0.0
 
     def __init__(
         self, measurements: MeasurementSet, own: Layout, say: Callable[[str], None], many: bool
     ) -> None:
         self.measurements, self.own, self.say, self.many = measurements, own, say, many
         self.raw_step = max(s.step for g in measurements.groups for s in g.segments)
-        self.tried = len(candidates(own, measurements.groups, many)) + own.n * len(measurements.groups)
 
     @property
-    def floor(self) -> Array:
-        """The largest standard deviation that noise may explain, shape (n,): `noise` is roughly known."""
-        return (1 + LIMITS.noise_known) * self.noise
+    def choices(self) -> int:
+        """Number of effects that may be added to the set's own model."""
+        return len(self.wanted(self.own)) + self.own.n * len(self.measurements.groups)
 
     def wanted(self, layout: Layout) -> list[ChosenEffect]:
         """The effects that a model lacks, and the decoys if they compete."""
@@ -104,6 +98,11 @@ class Resolution(ABC, Generic[AnyFit]):
         self.say("")
 
     # -- what a resolution supplies
+
+    @property
+    @abstractmethod
+    def stages(self) -> dict[str, Callable[[Model[AnyFit]], Moves[AnyFit]]]:
+        """Kinds of moves."""
 
     @abstractmethod
     def refit(self, model: Model[AnyFit], layout: Layout, x: Array) -> Model[AnyFit]:
@@ -125,103 +124,61 @@ class Resolution(ABC, Generic[AnyFit]):
     def towards(self, model: Model[AnyFit], x: Array, smaller: Layout) -> Array:
         """Feasible start of a smaller model on the way to x, shape (P,)."""
 
-    def judged(self, like: Likelihood, prior: Prior, x: Array) -> Likelihood:
-        """A likelihood in which torques are scaled as often as there are independent samples."""
-        other = like.other
-        for k, count in prior.scales:
-            where = next(e for e, at in prior.layout.effect_slices() if at.start <= k < at.stop)
-            scaled = count * float(np.log(max(1 + x[k], 1e-9)))
-            other += (1 - 1 / like.times[where.place.own_joint]) * scaled
-        return replace(like, other=other)
+    # -- judging
 
-    # -- moves
+    def score(self, model: Model[AnyFit]) -> Score:
+        """What the criterion says of a model."""
+        return model.score
 
     def parts(self, model: Model[AnyFit]) -> frozenset[ChosenEffect]:
         """The model's effects."""
         return frozenset(model.layout.effects)
 
-    def gain(self, before: Model[AnyFit], after: Model[AnyFit], tried: int) -> Gain:
-        """What a move gains, chosen among so many."""
-        new = self.parts(after) - self.parts(before)
-        episode = bool(new) and all(map(is_episode, new))
-        trace = self.trace(before, new) if tried else 0.0
-        return gain(before.likelihood, after.likelihood, tried * self.places(episode), trace)
+    def cost(self, layout: Layout) -> float:
+        """Of a model's effects; free curves are priced by their fit [nats].
 
-    def trace(self, model: Model[AnyFit], new: Collection[ChosenEffect]) -> float:
-        """What the laws of a model may leave on the joints of new effects, as none is exact [nats]."""
-        if self.reference is None or not new:
-            return 0.0
-        explained = np.maximum(gain(self.reference, model.likelihood).by_joint, 0.0) + self.explained
-        joints = [e.joint for e in new if e.joint is not None]
-        most = explained[joints].max() if len(joints) == len(new) else explained.max()
-        return LIMITS.exactness * float(most)
+        A torque offset that stands for a spring's rest angle is no effect of its own.
+        """
+        stand_ins = offsets_of_springs(layout) - set(self.own.effects)
+        at_mean = {e.joint for e in offsets_of_springs(layout)}
+        total = 0.0
+        for effect in layout.effects:
+            law = EFFECTS[effect.effect]
+            if is_curve(effect):
+                continue
+            fixed = law.offset_parameter is not None and effect.joint in at_mean
+            places = EFFORT.intervals if is_episode(effect) else 1
+            total += self.criterion.cost(len(law.parameters) - fixed, effect not in stand_ins, places)
+            total += self.criterion.of_refinement * (simplest(effect.effect) != effect.effect)
+        return total
 
-    def places(self, episode: bool) -> int:
-        """In how many places an effect may act: an episode at many times."""
-        return EFFORT.intervals if episode else 1
+    def cost_of(self, effect: ChosenEffect) -> float:
+        """What an effect costs [nats]."""
+        return self.cost(self.own.with_effects([effect]))
 
-    def least(self) -> float:
-        """What the move of an effect costs at least [nats]."""
-        return chance(self.tried)
+    def saved(self, layout: Layout, effect: ChosenEffect) -> float:
+        """What a model costs less without an effect [nats]."""
+        return self.cost(layout) - self.cost(without(layout, [effect]))
 
-    def promising(self, before: Model[AnyFit], after: Model[AnyFit]) -> bool:
-        """Whether a model that is not pruned yet describes the data better at all."""
-        return float(gain(before.likelihood, after.likelihood).by_joint.sum()) > self.least()
-
-    def above(self, model: Model[AnyFit]) -> float:
-        """How much moves may gain together: all that is above the noise [nats]."""
-        return float(self.above_by_joint(model).sum())
-
-    def above_by_joint(self, model: Model[AnyFit]) -> Array:
-        """The part of each joint, shape (n,) [nats]."""
-        like = model.likelihood
-        count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
-        return np.asarray(count * np.log(np.maximum(like.deviation / self.noise, 1.0)) / like.times)
+    def above(self, model: Model[AnyFit]) -> Array:
+        """What moves may gain on each joint: all that is above noise and tolerance, shape (n,) [nats]."""
+        return model.score.by_joint - self.criterion.nats(np.zeros(self.own.n))
 
     def loud(self, model: Model[AnyFit]) -> NDArray[np.bool_]:
-        """Joints that leave enough above the noise for an effect there, shape (n,)."""
-        return self.above_by_joint(model) > self.least()
+        """Joints that leave enough for an effect of one parameter, shape (n,)."""
+        return self.above(model) > self.criterion.cost(1, 1)
 
-    def at_noise(self, model: Model[AnyFit]) -> bool:
-        """Whether no move can gain what it costs."""
-        return self.above(model) < self.least()
+    def doubtful(self, model: Model[AnyFit], known: Layout) -> list[ChosenEffect]:
+        """Effects that a known model lacks and that are impossible, or whose form the motion does not show."""
+        new = [e for e in model.layout.effects if e not in known.effects and not is_curve(e)]
+        return [e for e in new if not credible(model.fit, e, self.raw_step)]
 
-    def candidates(self, model: Model[AnyFit]) -> list[Candidate]:
-        """What may be added, each with what it promises at most."""
-        above = self.above_by_joint(model)
-        if above.sum() < self.least():
-            return []
-        fit, like, loud = model.fit, model.likelihood, above > self.least()
-        wanted = [e for e in self.wanted(fit.layout) if e.joint is None or loud[e.joint]]
-        found = self.scores(fit, wanted)
-        out = []
-        for s in found:
-            law, joint = EFFECTS[s.effect.effect], s.effect.joint
-            if joint is not None and not loud[joint]:
-                continue  # an episode
-            if law.expected and not credible(fit, s.effect, self.raw_step, s.values):
-                continue
-            units = np.ones(self.own.n) if law.underrated else self.units(like)
-            time = (like.times * units)[slice(None) if joint is None else joint].min()
-            tried = len(found) * self.places(is_episode(s.effect))
-            cost = chance(tried) + 0.5 * len(law.parameters) * np.log(like.samples)
-            promise = EFFORT.reach * 0.5 * s.gain / time - cost - self.trace(model, {s.effect})
-            last = is_episode(s.effect)  # of the right size and length, it explains a part of anything
-            out.append(Candidate(s.effect, self.rivalry(s.effect), float(promise), s, last))
-        return out
-
-    def units(self, like: Likelihood) -> Array:
-        """Variance of a joint's residual in units of the weights of the scores, shape (n,)."""
-        return np.ones(self.own.n)
-
-    def rivalry(self, effect: ChosenEffect) -> object:
-        """Effects of which only the best is added at a time."""
-        return effect.joint
+    # -- candidates
 
     def scores(
-        self, fit: AnyFit, wanted: Sequence[ChosenEffect], episodes: bool = True
+        self, fit: AnyFit, wanted: Sequence[ChosenEffect], episodes: bool = False
     ) -> list[ScoredCandidate]:
-        """Scores of effects and of the best episodes, the best first."""
+        """Scores of effects, or of the best episodes, the best first."""
         at = self.scoring(fit)
 
         def of_joint(joint: int | None) -> list[ScoredCandidate]:
@@ -236,34 +193,7 @@ class Resolution(ABC, Generic[AnyFit]):
         parts = shared(of_joint, [*range(self.own.n), None])
         return sorted((s for part in parts for s in part), key=lambda s: -s.gain)
 
-    def mergers(self, model: Model[AnyFit]) -> Iterable[Callable[[Model[AnyFit]], Model[AnyFit]]]:
-        """Each effect in place of those on its joint that it merges, where all of them were found."""
-        found = set(model.layout.effects) - set(self.own.effects)
-        return [
-            partial(self.merged, new=ChosenEffect(name, joint))
-            for name, law in EFFECTS.items()
-            for joint in range(self.own.n)
-            if law.merges and {ChosenEffect(part, joint) for part in law.merges} <= found
-        ]
-
-    def merged(self, model: Model[AnyFit], new: ChosenEffect) -> Model[AnyFit]:
-        """The model with an effect in place of those that it merges; the model itself if it is impossible."""
-        law, fit = EFFECTS[new.effect], model.fit
-        gone = {name: ChosenEffect(name, new.joint) for name in law.merges}
-        layout = without(fit.layout, gone.values())
-        layout = layout.with_effects((*layout.effects, new))
-        x = layout.vector(fit.layout.model(fit.x))
-        x[layout.effect_slice(new)] = law.merged(
-            {name: fit.x[fit.layout.effect_slice(e)] for name, e in gone.items()}
-        )
-        other = self.refit(model, layout, x)
-        return other if credible(other.fit, new, self.raw_step) else model
-
     # -- drops
-
-    def impossible(self, fit: AnyFit) -> list[ChosenEffect]:
-        """Effects whose parameters could not be real."""
-        return [e for e in fit.layout.effects if not credible(fit, e, self.raw_step)]
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
         """Effects that are not dropped: the set's own ones, and those that others require."""
@@ -271,26 +201,21 @@ class Resolution(ABC, Generic[AnyFit]):
         return {*self.own.effects, *(e for e in layout.effects if (e.effect, e.joint) in needed)}
 
     def gains(self, model: Model[AnyFit]) -> dict[ChosenEffect, Gain]:
-        """What each effect gains given the others."""
-        return self.eliminated(model, lambda layout: layout.effects, ()).kept
+        """What each effect gains given the others, in closed form."""
+        return {e: g for e, (g, _) in needs(self.linearised(model), model.score, self).items()}
 
-    def eliminated(
-        self,
-        model: Model[AnyFit],
-        firm: Callable[[Layout], Collection[ChosenEffect]],
-        impossible: Collection[ChosenEffect],
-    ) -> Elimination:
-        """The model without what it does not need: an effect stays only where it would be added."""
-        return eliminate(
-            self.linearised(model), firm, impossible, self.tried, lambda e: self.trace(model, {e})
-        )
-
-    def pruned(self, model: Model[AnyFit]) -> Model[AnyFit]:
-        """The model without the effects that it does not need."""
-        for _ in range(EFFORT.rounds):
-            found = self.eliminated(model, self.firm, self.impossible(model.fit))
-            if not found.dropped:
-                return model
-            smaller = without(model.layout, found.dropped)
-            model = self.refit(model, smaller, self.towards(model, found.x, smaller))
-        return model
+    def smaller(
+        self, model: Model[AnyFit], among: Collection[ChosenEffect] | None = None
+    ) -> Iterable[Model[AnyFit]]:
+        """Models without effects that cost more than they gain, the least needed first; of `among`, if given."""
+        firm = self.firm(model.layout)
+        found = needs(self.linearised(model), model.score, self)
+        weak = [e for e, (g, _) in found.items() if e not in firm and (among is None or e in among)]
+        for effect in sorted(weak, key=lambda e: found[e][0].delta):
+            need, x = found[effect]
+            if need.delta > EFFORT.reach * self.cost_of(effect):
+                break
+            smaller = without(model.layout, [effect])
+            other = self.refit(model, smaller, self.towards(model, x, smaller))
+            if len(self.doubtful(other, self.own)) <= len(self.doubtful(model, self.own)):
+                yield other

@@ -1,42 +1,24 @@
-"""The search: one loop of moves, judged by one criterion.
+"""The search: a greedy walk between models, judged by one number.
 
-A model is pruned; then what promises most on each place is added, all at once or one at a time, and the model
-is pruned again; effects are swapped for rivals. A move is made if the criterion accepts it. Where nothing of
-the library is accepted any more, an unknown input is added, and the search goes on with it. The search
-knows nothing about robots: a problem supplies the moves and compares models.
+From a model, larger models are tried: on each place the best. What the places add is also tried together, and the
+model with the lowest J is taken. Then what the criterion would not add any more is dropped. Where nothing helps,
+parts are exchanged for rivals, and what stands for much else is tried last. J belongs to a model
+(`criterion`), so that the walk only leads down, and ends at the lowest model that was seen. The search knows nothing
+about robots: a problem supplies the models.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from flexviz.diagnosis.criterion import Gain
+from flexviz.diagnosis.criterion import Gain, Score, gain
 from flexviz.diagnosis.thresholds import THRESHOLDS
 
 Model = TypeVar("Model")
 
 LIMITS = THRESHOLDS.search
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """What may be added.
-
-    Attributes:
-        key: its name.
-        place: of several candidates of one place, the best is tried.
-        promise: what it gains at most, estimated in closed form [nats], less its cost.
-        content: for the problem.
-        last: whether it can stand in for much, so that everything else is tried before.
-    """
-
-    key: Hashable
-    place: Hashable
-    promise: float
-    content: Any = None
-    last: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,63 +42,44 @@ class Tried:
 
 
 class MoveProblem(Protocol[Model]):
-    """Models, their moves and their comparison.
+    """Models of a problem and what the criterion says of them.
 
     Attributes:
         name: of its resolution.
+        stages: kinds of moves, each with the models to which they lead, (place, model). A stage is
+            asked only where those before it have found nothing.
     """
 
     @property
     def name(self) -> str: ...
 
+    @property
+    def stages(self) -> dict[str, Callable[[Model], Iterable[tuple[Hashable, Model]]]]: ...
+
     def parts(self, model: Model) -> frozenset[Hashable]:
         """Keys of what a model has."""
         ...
 
-    def candidates(self, model: Model) -> list[Candidate]:
-        """What may be added, each with its promise."""
+    def score(self, model: Model) -> Score:
+        """What the criterion says of a model."""
         ...
 
-    def with_added(self, model: Model, chosen: Sequence[Candidate]) -> Model:
-        """A larger model, fitted."""
+    def united(self, model: Model, others: list[Model]) -> Model:
+        """A model with what others have more, or instead."""
         ...
 
-    def promising(self, before: Model, after: Model) -> bool:
-        """Whether a model that is not pruned yet describes the data better at all."""
-        ...
-
-    def pruned(self, model: Model) -> Model:
-        """The model without the parts that it does not need."""
-        ...
-
-    def swaps(self, model: Model) -> Iterable[Callable[[Model], Model]]:
-        """Exchanges of parts for rivals."""
-        ...
-
-    def mergers(self, model: Model) -> Iterable[Callable[[Model], Model]]:
-        """Parts that stand together exchanged for one that may describe both."""
-        ...
-
-    def unknowns(self, model: Model) -> Iterable[Callable[[Model], Model]]:
-        """The model with an unknown input, the most promising place first."""
-        ...
-
-    def gain(self, before: Model, after: Model, tried: int) -> Gain:
-        """What a move gains, chosen among so many."""
+    def smaller(self, model: Model) -> Iterable[Model]:
+        """Models without parts that are not needed, the least needed first."""
         ...
 
 
 class Search(Generic[Model]):
-    """A search on one problem: greedy moves between models until the criterion accepts none.
-
-    Each round prunes (what would not be added again is dropped), adds the best candidate of each place, swaps
-    effects for rivals, and then tries an unknown input. A move needs Δ > 1.64 standard errors and must not
-    harm held-out data, so that the end does not depend on thresholds of the moves.
+    """A walk on one problem, from model to model with ever lower J.
 
     Args:
-        problem: supplies the moves.
-        made: called with each model that is accepted.
-        trace: the moves that were tried, continued.
+        problem: supplies the models.
+        made: called with each model that is taken.
+        trace: the moves that were tried, continued. The accepted ones lead from the start to the end.
     """
 
     def __init__(
@@ -127,106 +90,59 @@ class Search(Generic[Model]):
     ) -> None:
         self.problem, self.made = problem, made
         self.trace: list[Tried] = [] if trace is None else trace
-        self._refused = dict[Hashable, float]()  # candidates, and what they promised
-        self._swapped = set[frozenset[Hashable]]()  # models of which no part is exchanged ...
-        self._alone = set[frozenset[Hashable]]()  # ... and with which no unknown input is accepted
-        self._scored: tuple[Model, list[Candidate]] | None = None  # the last model that was scored
 
-    def run(self, model: Model, inner: bool = False) -> Model:
-        """The model from which no move is accepted; `inner`: no unknown input is added."""
-        model, idle = self.problem.pruned(model), 0
+    def run(self, model: Model) -> Model:
+        """The model from which no move leads lower."""
         self.made(model)
         for _ in range(LIMITS.rounds):
-            scored = self.candidates(model)
-            worth = [c for c in scored if self.worth(c)]
-            found, chosen = None, best_of_each_place(c for c in worth if not c.last)
-            if not chosen or idle >= LIMITS.idle:
-                found = self.exchanged(model, inner)
-                chosen = best_of_each_place(c for c in worth if c.last) if found is None else []
-                if found is None and not chosen:
-                    break
-            if chosen:
-                found = self.enlarged(model, chosen, len(scored))
-            idle = idle + 1 if found is None else 0
-            if found is not None:
-                model = found
-                self.made(model)
-        return self.problem.pruned(model)
+            found = next(filter(None, (self.moved(model, kind) for kind in self.problem.stages)), None)
+            if found is None:
+                break
+            model = self.pruned(found)
+            self.made(model)
+        return model
 
-    def candidates(self, model: Model) -> list[Candidate]:
-        """What may be added to a model, which is scored once."""
-        if self._scored is None or self._scored[0] is not model:
-            self._scored = model, self.problem.candidates(model)
-        return self._scored[1]
-
-    def worth(self, candidate: Candidate) -> bool:
-        """Whether to try a candidate: not one that was refused, unless it promises much more by now."""
-        return candidate.promise > LIMITS.reach * self._refused.get(candidate.key, 0.0)
-
-    def enlarged(self, model: Model, chosen: Sequence[Candidate], tried: int) -> Model | None:
-        """The model with the candidates, all at once or the first one by one that is accepted."""
-        singles = [[c] for c in chosen[: LIMITS.singles]] if len(chosen) > 1 else []
-        for some in [list(chosen), *singles]:
-            larger = self.problem.with_added(model, some)
-            if self.problem.promising(model, larger):
-                larger = self.problem.pruned(larger)
-                if self.accepted("add", model, larger, tried):
-                    return larger
-            if len(some) == 1:
-                self._refused[some[0].key] = some[0].promise
-        return None
-
-    def exchanged(self, model: Model, inner: bool) -> Model | None:
-        """The model with a part exchanged for a rival, or with an unknown input; None if none is accepted."""
-        parts = self.problem.parts(model)
-        for merge in self.problem.mergers(model) if parts not in self._swapped else ():
-            other = merge(model)
-            if self.accepted("swap", model, other, 0, simpler=True):
-                return other
-        for swap in self.problem.swaps(model) if parts not in self._swapped else ():
-            other = swap(model)
-            if self.accepted("swap", model, other, 0):
-                return other
-        self._swapped.add(parts)
-        if inner or parts in self._alone:
+    def moved(self, model: Model, kind: str) -> Model | None:
+        """The lowest model to which moves of a kind lead; None if none leads lower."""
+        best: dict[Hashable, Model] = {}
+        refused: dict[Hashable, tuple[Gain, Model]] = {}
+        for place, other in self.problem.stages[kind](model):
+            found = self.gain(model, other)
+            if found.accepted and (place not in best or self.gain(best[place], other).delta > 0):
+                best[place] = other
+            elif not found.accepted and (place not in refused or found.delta > refused[place][0].delta):
+                refused[place] = found, other
+        for place, (_, other) in refused.items():
+            if place not in best:
+                self.told(kind, model, other, False)
+        if not best:
             return None
-        found = self.with_unknown(model)
-        if found is None:
-            self._alone.add(parts)
-        return found
+        ends = sorted(best.values(), key=lambda m: self.problem.score(m).total)
+        if len(ends) > 1 and self.gain(model, together := self.problem.united(model, ends)).accepted:
+            ends.append(together)
+        end = min(ends, key=lambda m: self.problem.score(m).total)
+        self.told(kind, model, end, True)
+        return end
 
-    def with_unknown(self, model: Model) -> Model | None:
-        """The model with an unknown input and what shows given it; None if none is accepted."""
-        for unknown in self.problem.unknowns(model):
-            larger = unknown(model)
-            if self.problem.parts(larger) == self.problem.parts(model):
-                continue
-            before, self._refused = self._refused, {}
-            larger = self.run(larger, inner=True)
-            if self.accepted("unknown", model, larger, 1):
-                return larger
-            self._refused = before
-        return None
+    def pruned(self, model: Model) -> Model:
+        """The model without what the criterion would not add."""
+        while True:
+            for other in self.problem.smaller(model):
+                if self.told("drop", model, other, self.gain(model, other).accepted):
+                    model = other
+                    break
+            else:
+                return model
 
-    def accepted(self, kind: str, before: Model, after: Model, tried: int, simpler: bool = False) -> bool:
-        """Whether a move is accepted; it is kept in the trace. `simpler`: unless its reversal would be."""
+    def gain(self, before: Model, after: Model) -> Gain:
+        """What a move gains."""
+        return gain(self.problem.score(before), self.problem.score(after))
+
+    def told(self, kind: str, before: Model, after: Model, accepted: bool) -> bool:
+        """Keep a move in the trace; returns whether it is made."""
         old, new = self.problem.parts(before), self.problem.parts(after)
-        if new == old:
-            return False
-        if new < old or simpler:  # a part stays only where the criterion would add it
-            gain = self.problem.gain(after, before, tried)
-            kind, accepted, gain = kind if simpler else "drop", not gain.accepted, gain.reversed
-        else:
-            gain = self.problem.gain(before, after, tried)
-            accepted = gain.accepted
-        self.trace.append(Tried(kind, tuple(new - old), tuple(old - new), gain, accepted, self.problem.name))
+        found = self.gain(before, after)
+        self.trace.append(
+            Tried(kind, tuple(new - old), tuple(old - new), found, accepted, self.problem.name)
+        )
         return accepted
-
-
-def best_of_each_place(candidates: Iterable[Candidate]) -> list[Candidate]:
-    """The best candidate of each place that promises anything, the best first."""
-    chosen: dict[Hashable, Candidate] = {}
-    for candidate in sorted(candidates, key=lambda c: -c.promise):
-        if candidate.promise > 0:
-            chosen.setdefault(candidate.place, candidate)
-    return list(chosen.values())

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class CriterionThresholds:
-    """What a move has to gain, and what a model may leave."""
+    """What counts, and what an effect has to gain."""
 
     false_alarm: float = 0.05  # probability that anything is found where nothing is missing
-    deviations: float = 1.64  # standard errors by which a gain has to exceed its cost
-    stretch: float = 0.5  # [s] of the stretches between which gains scatter
     noise_known: float = 0.02  # relative error of the noise's standard deviation
-    exactness: float = 0.003  # of what is explained already, which approximate laws leave as a trace
-    tolerance: float = 5e-4  # of a joint's torque spread: no model is more exact
-    unknown_share: float = 0.02  # of a joint's torque spread: a model error above is one of the model
+    tolerance: float = 0.003  # of a joint's torque spread: what laws leave that are right
+    exactness: float = 1e-3  # the same in units of the noise, of what the effects explain
+    rounding: float = 0.5  # [nats] by which held-out groups may be described less well
     outlier: float = 2.5  # [standard deviations] from which a residual counts linearly
     temperature: float = 10.0  # [nats] by which a gain has to exceed its cost for a confidence of 73 %
     doubt: float = 0.1  # odds that an effect stands in for an unmodelled torque that gains as much
@@ -31,11 +29,11 @@ class CriterionThresholds:
 class SearchThresholds:
     """How much is tried."""
 
-    rounds: int = 12  # of scoring what a model leaves
-    idle: int = 2  # rounds in a row without a find that end the additions
-    singles: int = 2  # candidates tried one by one where all together are refused
-    first_look: int = 5  # steps of a fit, after which it ends if it promises nothing
+    rounds: int = 40  # moves at most
+    best: int = 3  # candidates of a joint that are fitted, by their scores
     reach: float = 3.0  # times what its score promises, that a candidate may gain
+    close: float = 0.8  # of what its score promises, that a rival has to promise to be tried in its place
+    again: float = 1.5  # times what it promised, from which a refused candidate is tried again
     intervals: int = 5000  # in which an episode may lie
     longest_episode: float = 0.6  # share of a stretch; a torque that acts longer is not an episode
     unknown_places: int = 2  # joints, by their error, on which an unknown law is tried
@@ -56,6 +54,7 @@ class StandstillThresholds:
     """Where a joint rests, friction takes any value up to its limit."""
 
     still: float = 0.01  # of a joint's 95 % speed or of its range of positions: within, it rests
+    louder: float = 1.64  # times the error in motion from which rest is judged apart
     start_angle: float = 0.01  # [rad] after rest that counts as standstill
 
 
@@ -65,6 +64,7 @@ class EvidenceThresholds:
 
     tied_correlation: float = 0.98  # of two signatures
     share: float = 0.05  # of a residual or a motion: less does not count
+    apart: float = 1.64  # standard errors by which one place explains more than another
     changing_share: float = 0.25  # half of the change of an effect's size, relative to it
 
 

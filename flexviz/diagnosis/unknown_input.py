@@ -77,7 +77,7 @@ class UnknownPlace:
 
     def beats(self, other: UnknownPlace) -> bool:
         """Whether the residual given another input is clearly larger, in units of what this one leaves."""
-        return 1 + other.left > THRESHOLDS.criterion.deviations**2 * (1 + self.left)
+        return 1 + other.left > THRESHOLDS.evidence.apart**2 * (1 + self.left)
 
 
 def unknown_place(

@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Gain, chance
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
@@ -62,7 +61,7 @@ def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
 
     The criterion judges the gain of a linear change, estimated in closed form, like that of any move.
     """
-    fit, like, signals = model.fit, model.likelihood, fine.context.two_band.narrow.signals
+    fit, signals = model.fit, fine.context.two_band.narrow.signals
     sized = [(e, k, where.start + k) for e, where in fit.layout.effect_slices() for k in _sizes(e)]
     if not sized:
         return None
@@ -76,11 +75,10 @@ def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:
             variable = time if along == "time" else _standardised(fit.point.torque[:, effect.joint])
             signature = (z[:, :, column] * variable[:, None]).reshape(-1, 1)
             (half,), gain = explained(*projection.normal(signature))
-            slowest = like.times.max() if effect.joint is None else like.times[effect.joint]
-            cost = chance(2 * len(sized)) + 0.5 * float(np.log(like.samples)) + fine.trace(model, [effect])
-            nats = 0.5 * gain / slowest - cost
-            clear = Gain(nats, float(np.sqrt(gain / slowest)), np.zeros(0), np.zeros(0)).clear
-            if nats < best or not clear or abs(half) <= LIMITS.changing_share * abs(fit.x[column]):
+            share = fine.criterion.samples / fit.point.used.sum()
+            rate = share.min() if effect.joint is None else share[effect.joint]
+            nats = 0.5 * gain * float(rate) - fine.criterion.cost(1, 1)
+            if nats < best or abs(half) <= LIMITS.changing_share * abs(fit.x[column]):
                 continue
             middle = fit.x[column] - projection.share(signature)[column, 0] * half
             spec = EFFECTS[effect.effect].parameters[k]
@@ -98,5 +96,5 @@ def _sizes(effect: ChosenEffect) -> tuple[int, ...]:
 
 
 def _standardised(values: Array) -> Array:
-    """Values from about −1 to 1."""
-    return (values - values.mean()) / max(THRESHOLDS.criterion.deviations * float(values.std()), 1e-300)
+    """Values from −1 to 1 if they are evenly distributed."""
+    return (values - values.mean()) / max(np.sqrt(3) * float(values.std()), 1e-300)

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flexviz.effects.effect import EffectEvidence, HiddenStart, JointScale
+from flexviz.effects.effect import HiddenStart, JointScale
 from flexviz.effects.law import LinearEffect, LoadedEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
 SMALL = 0.05  # coefficients from which a fit finds those that seemed to be negative
-WIDEST_RATIO = 20.0  # of the two coefficients; a gear that rubs in one of the two only is none
 
 
 class DrivingFriction(LinearEffect, LoadedEffect):
@@ -58,10 +57,6 @@ class DrivingFriction(LinearEffect, LoadedEffect):
         share = np.where(motion.torque * motion.velocity > 0, values[0], values[1])
         slope = share * np.sign(motion.torque) * smooth_sign(motion.velocity)
         return slope / (1 + slope)
-
-    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        """Not with friction in one of the quadrants only: that is another effect's torque."""
-        return super().credible(values, evidence) and max(values) < WIDEST_RATIO * min(values)
 
     def refining(self, simpler: Array) -> Array:
         return np.array([simpler[0], simpler[0]])

@@ -32,12 +32,14 @@ class EffectEvidence:
         record_step: sampling interval of the recordings [s].
         viscous: viscous friction of the effect's joint, motor and link side together [Nm s/rad].
         top_speed: largest velocity of the effect's joint in either direction [rad/s].
+        travel: range of the effect's joint [rad].
     """
 
     torque: Array
     record_step: float
     viscous: float = np.inf
     top_speed: float = np.inf
+    travel: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -237,7 +239,7 @@ class Effect(ABC):
         )
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        """Whether fitted parameters, shape (P,), could be real."""
+        """Whether fitted parameters, shape (P,), are possible, and their form is visible in the motion."""
         return not self.at_bound(values)
 
     def with_constant(self, values: Array, torque: float) -> Array:
@@ -274,6 +276,11 @@ class Effect(ABC):
     def refining(self, simpler: Array) -> Array:
         """Start values from those of the effect that it replaces."""
         return self.sizes()
+
+    def surprise(self, values: Array) -> float:
+        """How far parameters are from what a real robot may show [nats], by `expected`."""
+        pairs = zip(values, self.parameters, strict=True)
+        return sum(0.5 * (v / self.expected[p.name]) ** 2 for v, p in pairs if p.name in self.expected)
 
     def merged(self, values: Mapping[str, Array]) -> Array:
         """Start values from those of the effects that it merges, by their names."""

@@ -69,3 +69,9 @@ def known_names() -> tuple[str, ...]:
 def family_of(effect: str) -> str | None:
     """The name of the family that an effect belongs to; None if it belongs to none."""
     return _FAMILY_OF.get(effect)
+
+
+def simplest(effect: str) -> str:
+    """The simplest effect of the same family; the effect itself if it belongs to none."""
+    family = _FAMILY_OF.get(effect)
+    return effect if family is None else EFFECT_FAMILIES[family][0]

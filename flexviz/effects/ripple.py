@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexviz.effects.effect import EffectEvidence
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
 ORDER = ParameterSpec("order", "-", 1.0, 400.0, "cycles per joint turn", "n", lower_occurs=True)
+LEAST_PERIODS = 2.0  # in a joint's travel, with which a law is seen to repeat
 PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
 
 
@@ -23,6 +25,11 @@ class Ripple(LawEffect):
         angle = order * motion.position + phase
         sine, cosine = np.sin(angle), np.cos(angle)
         return amplitude * sine, np.stack((sine, amplitude * motion.position * cosine, amplitude * cosine))
+
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
+        """Not with less than two periods in the motion: that is a smooth law of the position."""
+        periods = values[1] * evidence.travel / (2 * np.pi)
+        return super().credible(values, evidence) and periods >= LEAST_PERIODS
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         joint = place.own_joint

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from flexviz.effects.effect import Effect, EffectEvidence, JointScale
+from flexviz.effects.effect import Effect, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
 EXPECTED_GAIN_ERROR = 0.05  # of a drive whose data sheet is right
-LARGEST_GAIN_ERROR = 0.4  # larger errors of a drive would have been noticed
 
 
 class TorqueGain(Effect):
@@ -33,9 +32,6 @@ class TorqueGain(Effect):
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         column = -context.tau(place.own_joint)[:3, :, None]
         return Terms("torque", (place.own_joint,), values[0] * column, column[None])
-
-    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        return super().credible(values, evidence) and abs(values[0]) < LARGEST_GAIN_ERROR
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.05,)

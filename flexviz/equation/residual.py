@@ -33,6 +33,9 @@ PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place i
 MAX_STATE_ITERATIONS = 6  # fixed-point iterations: s depends on effects that depend on s
 STATE_TOLERANCE = 1e-5  # next change of s, relative to its largest value, that is not worth computing
 STATE_CHANGE = 1e-3  # relative change of a parameter after which effects are evaluated again
+# changes up to which a Jacobian may be that of other rigid-body terms:
+NEAR_ANGLE = 0.02  # of the pose [rad]
+NEAR_MOTION = 0.1  # of velocities, accelerations and torques, relative to their largest
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,23 @@ class Evaluation:
     torque: Array  # (3, N, n), s and its derivatives [Nm/s^k]
     q: Array  # (3, N, n), link side and its derivatives [rad/s^k]
     link: LinkTerms  # the rigid-body terms
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTerms:
+    """Rigid-body terms of one motion of the link side.
+
+    Attributes:
+        inertial: shape (10n,), parameters of the bodies without payload.
+        q: shape (3, N, n), the motion.
+        regressor: shape (N, n, 10n), Y(q, q̇, q̈).
+        link: derivatives of Y Γ.
+    """
+
+    inertial: Array
+    q: Array
+    regressor: Array
+    link: LinkTerms
 
 
 class Equation:
@@ -122,6 +142,21 @@ class Equation:
         if lay.no_torque:
             predict_torques(s, self.link, sig, lay, x, self.bodies(x))
         return s
+
+    def keep_rigid(self, inertial: Array, q: Array, regressor: Array, link: LinkTerms) -> None:
+        """Keep the rigid-body terms of a motion q (3, N, n) of bodies (10n,) for Jacobians near it."""
+        self._shared["rigid"] = RigidTerms(inertial.copy(), q.copy(), regressor.copy(), link)
+
+    def near_rigid(self, inertial: Array, q: Array) -> RigidTerms | None:
+        """The kept rigid-body terms, if pose, motion and torques are nearly the same."""
+        known: RigidTerms | None = self._shared.get("rigid")
+        if known is None or np.abs(q[0] - known.q[0]).max() > NEAR_ANGLE:
+            return None
+        largest = np.abs(known.q[1:]).max(axis=(1, 2), keepdims=True) + 1e-12
+        if np.any(np.abs(q[1:] - known.q[1:]) > NEAR_MOTION * largest):
+            return None
+        torque, moved = (known.regressor @ p for p in (known.inertial, inertial - known.inertial))
+        return None if np.any(np.std(moved, axis=0) > NEAR_MOTION * np.std(torque, axis=0) + 1e-12) else known
 
     def bodies(self, x: Array) -> list[tuple[slice, Array]]:
         """Rows and inertial parameters with payload, shape (n, 10), of each block."""
@@ -237,11 +272,13 @@ class OperatingPoint:
         residual[:, list(self.layout.no_torque)] = 0.0
         return residual
 
-    def evaluate(self, x: Array, *, moving: bool = False) -> Evaluation:
+    def evaluate(self, x: Array, *, moving: bool = False, near: bool = False) -> Evaluation:
         """Residual and Jacobian at x (shape (P,)).
 
         Args:
             x: shape (P,).
+            near: the Jacobian may have the rigid-body terms of an earlier motion of the link side that is nearly
+                the same; the residual is exact.
             moving: let the operating point move with x: the Jacobian includes ∂u/∂s ∂s/∂x of effects whose u
                 follows the transmission torque s. Without it, a direction that the rest of the equation does
                 not show (motor inertia against link inertia) seems free, although it changes s and with it
@@ -253,11 +290,15 @@ class OperatingPoint:
         blocks = self.equation.bodies(x)
         jacobian = np.zeros((self.signals.count, lay.n, lay.size))
         regressor = jacobian[:, :, lay.inertial]
-        link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
-        link = self._with_torque(link, s[0])
         residual = s[0] - x[lay.link_viscous] * q[1]
-        for rows, parameters in blocks:
-            residual[rows] -= regressor[rows] @ parameters.ravel()
+        link = self._near(x, q, regressor, residual) if near else None
+        if link is None:
+            link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
+            if near:
+                self.equation.keep_rigid(x[lay.inertial], q, regressor, link)
+            for rows, parameters in blocks:
+                residual[rows] -= regressor[rows] @ parameters.ravel()
+        link = self._with_torque(link, s[0])
         np.negative(regressor, out=regressor)
         residual = _without(terms, residual)
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
@@ -273,6 +314,20 @@ class OperatingPoint:
         left_out = list(lay.no_torque)
         residual[:, left_out], jacobian[:, left_out] = 0.0, 0.0
         return Evaluation(residual, jacobian, s, q, link)
+
+    def _near(self, x: Array, q: Array, regressor: Array, residual: Array) -> LinkTerms | None:
+        """Rigid-body terms of a motion near q (3, N, n), if they are known; their torque is subtracted exactly.
+
+        `regressor` (N, n, 10n) is set, and `residual` (N, n) changed in place.
+        """
+        gravity, inertial = self._gravity(x), x[self.layout.inertial]
+        known = None if gravity is not None else self.equation.near_rigid(inertial, q)
+        if known is None:
+            return None
+        regressor[:] = known.regressor
+        for rows, parameters in self.equation.bodies(x):
+            residual[rows] -= self.equation.link.torque(parameters, *q[:, rows])
+        return known.link
 
     def _fill(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain, s: Array, q: Array) -> None:
         """∂r/∂x (N, n, P), but for the inertial parameters, before initial states are removed."""

@@ -10,7 +10,7 @@ from flexviz.estimation.model_error import FittedModel, with_model_error
 from flexviz.estimation.noise_model import WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.noise_weighting import whitened
-from flexviz.estimation.prior import Prior, pseudo_inertia
+from flexviz.estimation.prior import Prior, pseudo_inertia, torque_scale
 from flexviz.estimation.score_test import (
     Projection,
     ScoredCandidate,

@@ -68,6 +68,15 @@ def physically_consistent(parameters: Array) -> Array:
     return out
 
 
+def torque_scale(layout: Layout, x: Array) -> Array:
+    """Applied over recorded torque of each joint, shape (n,), by the effects of a model with parameters x."""
+    scale = np.ones(layout.n)
+    for effect, where in layout.effect_slices():
+        if EFFECTS[effect.effect].scales_torque:
+            scale[effect.place.own_joint] *= max(1 + float(x[where.start]), 1e-9)
+    return scale
+
+
 @dataclass(frozen=True)
 class Prior:
     """Negative log density of the parameters.
