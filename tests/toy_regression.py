@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, likelihood
-from flexviz.diagnosis.search import Candidate
+from flexviz.diagnosis.criterion import Residuals, Score, criterion_of
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 COLUMNS = 20
-FITTED, HELD_OUT, BLOCK, STRETCH = 900, 300, 300, 25  # samples
+FITTED, HELD_OUT, BLOCK = 900, 300, 300  # samples
 WAVES = 8  # columns of an unknown input
 
 
@@ -28,26 +26,21 @@ def autoregressive(rng: np.random.Generator, count: int, rho: float, n: int = 1)
     return noise
 
 
-def residuals_of(
-    values: Array, stretch: int, used: Bools | None = None, block: int | None = None
-) -> Residuals:
-    """Residuals (N, n) of one part, in equal stretches and blocks."""
+def residuals_of(values: Array, used: Bools | None = None, block: int | None = None) -> Residuals:
+    """Residuals (N, n) of one part, in equal blocks."""
     count = len(values)
     used = np.ones(values.shape, bool) if used is None else used
-
-    def cut(length: int) -> list[slice]:
-        return [slice(k, min(k + length, count)) for k in range(0, count, length)]
-
-    return Residuals(values, used, cut(stretch), cut(block or count))
+    length = block or count
+    return Residuals(values, used, [slice(k, min(k + length, count)) for k in range(0, count, length)])
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """Columns with their coefficients, and the likelihood."""
+    """Columns with their coefficients, and the score."""
 
     columns: frozenset[int | str]
     coefficients: dict[int | str, float]
-    likelihood: Likelihood
+    score: Score
 
 
 class Regression:
@@ -74,11 +67,11 @@ class Regression:
         merged: tuple[int, frozenset[int]] | None = None,
     ) -> None:
         self.x, self.y, self.unknown, self.merged = x, y, unknown, merged
-        self.floor = np.array([1e-6 if noise is None else 1.05 * noise])
         self.twins = {a: b for pair in twins for a, b in (pair, pair[::-1])}
         time = np.arange(len(y))[:, None] / len(y)
-        phase = np.pi * time * np.arange(1, WAVES + 1)
-        self.waves = np.cos(phase)
+        self.waves = np.cos(np.pi * time * np.arange(1, WAVES + 1))
+        least = np.array([1e-6 if noise is None else 1.05 * noise])
+        self.criterion = criterion_of(self.left(())[0], least, COLUMNS)
 
     def matrix(self, columns: Iterable[int | str]) -> tuple[Array, list[int | str]]:
         """Columns of a model, shape (N, P), with their names."""
@@ -86,69 +79,57 @@ class Regression:
         parts = [self.waves if name == "unknown" else self.x[:, [int(name)]] for name in names]
         return np.hstack(parts) if parts else np.zeros((len(self.y), 0)), names
 
-    def fit(self, columns: Iterable[int | str]) -> LinearModel:
-        """Least squares on the fitted rows."""
-        matrix, names = self.matrix(columns)
+    def left(self, columns: Iterable[int | str]) -> tuple[list[Residuals], Array]:
+        """What least squares on the fitted rows leave, and the coefficients."""
+        matrix, _ = self.matrix(columns)
         found = np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)[0]
         left = (self.y - matrix @ found)[:, None]
-        parts = [residuals_of(rows, STRETCH, block=BLOCK) for rows in (left[:FITTED], left[FITTED:])]
-        like = likelihood(parts, self.floor, 0.0, matrix.shape[1])
+        return [residuals_of(rows, block=BLOCK) for rows in (left[:FITTED], left[FITTED:])], found
+
+    def fit(self, columns: Iterable[int | str]) -> LinearModel:
+        """A model with its score."""
+        parts, found = self.left(columns)
+        names = self.matrix(columns)[1]
         single = [name for name in names if name != "unknown"]
-        return LinearModel(frozenset(names), dict(zip(single, found, strict=False)), like)
+        cost = self.criterion.cost(len(found), len(names))
+        score = self.criterion.score(parts, cost)
+        return LinearModel(frozenset(names), dict(zip(single, found, strict=False)), score)
 
     # -- the problem
+
+    @property
+    def stages(self) -> dict[str, Callable[[LinearModel], Iterable[tuple[Hashable, LinearModel]]]]:
+        return {"add": self.larger, "swap": self.rivals, "unknown": self.unknowns}
 
     def parts(self, model: LinearModel) -> frozenset[int | str]:
         return model.columns
 
-    def candidates(self, model: LinearModel) -> list[Candidate]:
-        """Scores: half the decrease of χ² in closed form."""
-        like, (matrix, _) = model.likelihood, self.matrix(model.columns)
-        left = self.y - matrix @ np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)[0]
-        basis = np.linalg.qr(matrix[:FITTED])[0]
-        out = []
-        free = [
-            k for k in range(COLUMNS) if k not in model.columns and self.twins.get(k) not in model.columns
-        ]
-        for k in free:
-            column = self.x[:FITTED, k] - basis @ (basis.T @ self.x[:FITTED, k])
-            nats = 0.5 * (column @ left[:FITTED]) ** 2 / (column @ column) / like.deviation[0] ** 2
-            cost = 2 * np.log(len(free)) + 0.5 * np.log(like.samples)
-            out.append(Candidate(k, k % 4, 3 * float(nats / like.times[0]) - cost))
-        return out
+    def score(self, model: LinearModel) -> Score:
+        return model.score
 
-    def with_added(self, model: LinearModel, chosen: Sequence[Candidate]) -> LinearModel:
-        return self.fit({*model.columns, *(int(str(c.key)) for c in chosen)})
+    def larger(self, model: LinearModel) -> Iterator[tuple[Hashable, LinearModel]]:
+        """Every further column; four places."""
+        for k in range(COLUMNS):
+            if k not in model.columns and self.twins.get(k) not in model.columns:
+                yield k % 4, self.fit({*model.columns, k})
 
-    def promising(self, before: LinearModel, after: LinearModel) -> bool:
-        return bool(gain(before.likelihood, after.likelihood).by_joint.sum() > 2 * np.log(COLUMNS))
+    def united(self, model: LinearModel, others: list[LinearModel]) -> LinearModel:
+        gone = {k for other in others for k in model.columns - other.columns}
+        return self.fit((model.columns - gone).union(*(other.columns - model.columns for other in others)))
 
-    def pruned(self, model: LinearModel) -> LinearModel:
-        """Without the columns that are not needed, the least needed first."""
-        while True:
-            smaller = [self.fit(model.columns - {k}) for k in model.columns if k != "unknown"]
-            found = [(self.gain(one, model, COLUMNS), one) for one in smaller]
-            weak = [(need.delta, k) for k, (need, _) in enumerate(found) if not need.accepted]
-            if not weak:
-                return model
-            model = found[min(weak)[1]][1]
+    def smaller(self, model: LinearModel) -> list[LinearModel]:
+        """Without a column, the least needed first."""
+        smaller = [self.fit(model.columns - {k}) for k in model.columns if k != "unknown"]
+        return sorted(smaller, key=lambda one: one.score.total)
 
-    def mergers(self, model: LinearModel) -> Iterable[Callable[[LinearModel], LinearModel]]:
-        if self.merged is None or not self.merged[1] <= model.columns:
-            return []
-        whole, some = self.merged
-        return [lambda other: self.fit((other.columns - some) | {whole})]
+    def rivals(self, model: LinearModel) -> Iterator[tuple[Hashable, LinearModel]]:
+        for k in model.columns:
+            if k in self.twins:
+                yield k, self.fit((model.columns - {k}) | {self.twins[int(k)]})
+        if self.merged is not None and self.merged[1] <= model.columns:
+            whole, some = self.merged
+            yield whole, self.fit((model.columns - some) | {whole})
 
-    def swaps(self, model: LinearModel) -> Iterable[Callable[[LinearModel], LinearModel]]:
-        def swapped(other: LinearModel, old: int | str, new: int) -> LinearModel:
-            return self.fit((other.columns - {old}) | {new})
-
-        return [partial(swapped, old=k, new=self.twins[int(k)]) for k in model.columns if k in self.twins]
-
-    def unknowns(self, model: LinearModel) -> Iterable[Callable[[LinearModel], LinearModel]]:
-        if not self.unknown or "unknown" in model.columns:
-            return []
-        return [lambda other: self.fit(other.columns | {"unknown"})]
-
-    def gain(self, before: LinearModel, after: LinearModel, tried: int) -> Gain:
-        return gain(before.likelihood, after.likelihood, tried)
+    def unknowns(self, model: LinearModel) -> Iterator[tuple[Hashable, LinearModel]]:
+        if self.unknown and "unknown" not in model.columns:
+            yield "unknown", self.fit(model.columns | {"unknown"})
