@@ -62,7 +62,7 @@ LAYERS = (
     ("observers",),
     ("equation",),
     ("estimation",),
-    ("laws",),
+    ("laws", "motion"),
     ("identification",),
     ("acceptance", "compensation"),
     ("diagnosis",),

@@ -38,6 +38,7 @@ from flexviz.estimation import (
 )
 from flexviz.identification import combinations, parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.motion import MOTION
 from flexviz.observers import FlatZeroPhase
 from flexviz.records import Combination, ParameterEstimate
 from flexviz.results import BandwidthCheck, ParameterCurve
@@ -191,7 +192,7 @@ def _parameter_curves(
         values, std = np.where(held[:, None], np.nan, pairs).T
         change = np.nan_to_num(np.abs(values - first.value))[:in_use]
         apart = np.nan_to_num(np.sqrt(np.maximum(std**2 - first.std**2, 0.0)))[:in_use]
-        allowed = np.maximum(NORMAL_95 * first.std, THRESHOLDS.criterion.outlier * apart)
+        allowed = np.maximum(NORMAL_95 * first.std, MOTION.outlier * apart)
         single = first if isinstance(first, ParameterEstimate) else None
         joint, place = (single.joint, single.payload or single.group) if single else (None, None)
         moved = float(np.max(change, initial=0.0)) / max(first.std, 1e-300)

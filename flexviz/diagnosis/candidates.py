@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit, Fitted, Judged
-from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.diagnosis.prediction_errors import Known
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence, JointScale, neighbour
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate
 from flexviz.measurements import Group
+from flexviz.motion import Known
 
 Array = NDArray[np.float64]
 
@@ -100,58 +98,6 @@ def without_curves(fit: Fitted) -> Known:
     """A fitted model without the free curves with which it was estimated."""
     layout = without(fit.layout, [*filter(is_curve, fit.layout.effects)])
     return Known(layout, fit.x[rows_without_curves(fit.layout)])
-
-
-def usual_model(context: MotionContext, own: Layout) -> Known:
-    """Every usual effect on every joint, at small sizes."""
-    names = [name for name, law in EFFECTS.items() if law.usual]
-    bare = context.start(own)
-    return _with_small(context, Known(own, bare.x), [ChosenEffect(n, j) for n in names for j in range(own.n)])
-
-
-def plain_model(context: MotionContext, fit: Fitted, joint: int) -> Known | None:
-    """A model with all that a plain joint has: dry and load-dependent friction, offset, spring, at small sizes.
-
-    None if it lacks at most one of these.
-    """
-    names = [name for name, law in EFFECTS.items() if law.usual and law.beside is None]
-    larger = _with_small(context, fit, [ChosenEffect(name, joint) for name in names])
-    return larger if len(larger.layout.effects) > len(fit.layout.effects) + 1 else None
-
-
-def _with_small(context: MotionContext, known: Fitted, effects: Sequence[ChosenEffect]) -> Known:
-    """A model with further effects at small sizes, but for those that others replace."""
-    own, have = known.layout, set(known.layout.effects)
-    replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in have}
-    more = [
-        e
-        for e in filter(own.can_have, effects)
-        if e not in have
-        and (e.effect, e.joint) not in replaced
-        and (own.motors or EFFECTS[e.effect].behind_gear)
-    ]
-    layout = own.with_effects((*own.effects, *more))
-    start, x = context.start(layout).x, layout.vector(own.model(known.x))
-    for effect in more:
-        law, where = EFFECTS[effect.effect], layout.effect_slice(effect)
-        values = np.array(law.typical(scale(context, effect.joint or 0, layout, start)))
-        values[list(law.size_at)] *= THRESHOLDS.criterion.tolerance
-        x[where] = values
-    return Known(layout, x)
-
-
-def scale(context: MotionContext, joint: int, layout: Layout, x: Array) -> JointScale:
-    """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""
-    signals = context.signals
-    torque, speed = (float(np.sqrt(np.mean(v[:, joint] ** 2))) for v in (signals.tau[0], signals.theta[1]))
-    compliance, (inertia, on_motor) = x[layout.compliance], layout.motor_side(x)
-    softness, viscous = float(compliance[joint]), x[layout.link_viscous] + on_motor
-    return JointScale(
-        torque=torque, speed=speed, deflection=torque * softness, stiffness=1 / softness,
-        motor_inertia=float(inertia[joint]), neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
-        position=float(np.mean(signals.theta[0, :, joint])), duration=float(np.ptp(signals.time)),
-        viscous=float(viscous[joint]),
-    )  # fmt: skip
 
 
 def offsets_of_springs(layout: Layout) -> frozenset[ChosenEffect]:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.candidates import (
     candidates,
     offsets_of_springs,
-    plain_model,
-    usual_model,
     with_candidates,
     with_offsets_merged,
     without,
@@ -20,13 +18,12 @@ from flexviz.diagnosis.candidates import (
 from flexviz.diagnosis.criterion import Gain, Residuals, criterion_of
 from flexviz.diagnosis.elimination import Linearised, eliminated
 from flexviz.diagnosis.fit_context import STEPS
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
-from flexviz.diagnosis.motion_samples import Phase
-from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
+from flexviz.diagnosis.resolution import EFFORT, Model, Moves, Resolution, Scoring
 from flexviz.diagnosis.unknown_curve import best_curve, is_curve
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import shares_alone, torque_scale
+from flexviz.motion import MOTION, MotionContext, MotionFit, Phase, plain_model, usual_model
 
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
@@ -44,7 +41,7 @@ class Coarse(Resolution[MotionFit]):
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
-        self.noise = (1 + LIMITS.noise_known) * context.noise_floor
+        self.noise = (1 + MOTION.noise_known) * context.noise_floor
         self._refused = dict[Hashable, float]()  # candidates and joints, and what they promised
         self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
         self.begin()
@@ -52,8 +49,8 @@ class Coarse(Resolution[MotionFit]):
     def begin(self) -> CoarseModel:
         """The set's own model, from which on J is measured, of the samples that count by now."""
         fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
-        least = np.maximum(self.noise, LIMITS.tolerance * self.context.spread)
-        self.criterion = criterion_of(self.residuals(fit), least, self.choices, LIMITS.outlier)
+        least = np.maximum(self.noise, MOTION.tolerance * self.context.spread)
+        self.criterion = criterion_of(self.residuals(fit), least, self.choices, MOTION.outlier)
         return self.model(fit)
 
     @property
@@ -112,7 +109,7 @@ class Coarse(Resolution[MotionFit]):
 
     def significant(self, model: CoarseModel) -> NDArray[np.bool_]:
         """Joints whose model errs by more than noise and tolerance, shape (n,)."""
-        return model.score.deviation > self.criterion.least * (1 + LIMITS.noise_known)
+        return model.score.deviation > self.criterion.least * (1 + MOTION.noise_known)
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
         curves = filter(is_curve, layout.effects)

@@ -5,14 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
-from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search, Tried
 from flexviz.diagnosis.so_far import BestModelTracker
@@ -20,7 +16,9 @@ from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
 from flexviz.effects import ChosenEffect
 from flexviz.equation import layout_of
+from flexviz.identification import Estimator
 from flexviz.measurements import MeasurementSet
+from flexviz.motion import MotionContext, Phases
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
 from flexviz.wording import STAGE_SHARES, SearchStage
@@ -73,6 +71,7 @@ class Course:
         context = MotionContext(measurements, self.own.joints, stand_ins=True)
         self.view = Coarse(context, self.own, self.say)
         self.fine = Fine(FitContext(measurements, self.own), self.own, self.say)
+        self.estimator = Estimator(measurements, context=context)
         self.trace: list[Tried] = []
         self.best: CoarseModel | None = None
 

@@ -22,27 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.motion import Residuals, deviations
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 LIMITS = THRESHOLDS.criterion
 LAGS = 8  # part of the longest stretch over which a residual may be correlated
-
-
-@dataclass(frozen=True, eq=False)
-class Residuals:
-    """Residuals of one part of the data, the fit groups or the validation groups.
-
-    Attributes:
-        values: shape (N, n).
-        used: shape (N, n), samples that count.
-        blocks: contiguous samples.
-    """
-
-    values: Array
-    used: Bools
-    blocks: Sequence[slice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,22 +107,6 @@ def criterion_of(
     """The criterion of a recording, from the residuals of the model from which a search begins."""
     count = np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
     return Criterion(count / correlation_times(parts), least, choices, outlier)
-
-
-def deviations(parts: Sequence[Residuals], outlier: float = np.inf) -> Array:
-    """Standard deviation of residuals with outliers clipped, shape (n,)."""
-    count = np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
-    limit = sigma = np.full(len(count), np.inf)
-    for _ in range(1 if np.isinf(outlier) else 4):
-        total = sum(np.sum(np.minimum(np.abs(p.values), limit) ** 2 * p.used, axis=0) for p in parts)
-        sigma = np.sqrt(total / count) + 1e-300
-        limit = outlier * sigma
-    return sigma
-
-
-def huber(ratio: Array, outlier: float) -> Array:
-    """Huber's loss of residuals |r|/σ, of any shape: half the square, linear from `outlier` on [nats]."""
-    return np.where(ratio < outlier, 0.5 * ratio**2, outlier * (ratio - 0.5 * min(outlier, 1e150)))
 
 
 def correlation_times(parts: Sequence[Residuals]) -> Array:

@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, finding, made_step
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
@@ -21,6 +20,7 @@ from flexviz.equation import layout_of
 from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.motion import MotionContext
 from flexviz.records import curve_tables
 from flexviz.wording import SearchStage, percent
 
@@ -79,7 +79,13 @@ def with_free_curve(
         after = min(fits, key=lambda fit: fit.objective)
         layout = after.layout
         first, last = (
-            Stair(added, fit.layout, fit.x, fit.covariance, band.errors(fit, context.first_phase))
+            Stair(
+                added,
+                fit.layout,
+                fit.x,
+                fit.covariances(fit.at_bound)[0],
+                band.errors(fit, context.first_phase),
+            )
             for added, fit in ((None, before), (layout.effects[-1], after))
         )
         tell(SearchStage.LOCATION)
@@ -95,7 +101,7 @@ def with_free_curve(
             steps=(*diagnosis.steps, step),
             effects=effect_values(last),
             parameters=parameter_estimates(
-                layout, after.x, prior.centre, after.covariance, after.at_bound, prior
+                layout, after.x, prior.centre, last.covariance, after.at_bound, prior
             ),
             notes=(*kept, *notes(fit, "unknown", last.errors, None, left, None)),
             model=layout.model(after.x),

@@ -21,7 +21,9 @@ from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
+from flexviz.identification import Estimate
 from flexviz.laws import laws_through_data
+from flexviz.motion import MOTION, Known
 from flexviz.parallel import shared
 from flexviz.records import Absorbed, EffectEntry, EffectParameter, Family, Tie, Verdict
 from flexviz.wording import step_shares
@@ -41,6 +43,7 @@ class Stair:
         covariance: of them.
         errors: its residuals.
         chance: covariance without what the model lacks; None: it is the same.
+        estimate: of the estimator; None for models on the way.
     """
 
     added: ChosenEffect | None
@@ -49,6 +52,20 @@ class Stair:
     covariance: Covariance
     errors: PredictionErrors
     chance: Covariance | None = None
+    estimate: Estimate | None = None
+
+
+def estimated(course: Course, layout: Layout, x: Array) -> Stair:
+    """A model as `identify` estimates it, from x, shape (P,)."""
+    return stair_of(course, course.estimator.estimate(layout, x))
+
+
+def stair_of(course: Course, found: Estimate) -> Stair:
+    """A model of the estimator."""
+    layout, (covariance, chance) = found.layout, found.covariances
+    added = [e for e in layout.effects if e not in course.own.effects]
+    errors = course.band.errors(Known(layout, found.x), found.first_phase)
+    return Stair(added[-1] if added else None, layout, found.x, covariance, errors, chance, found)
 
 
 def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
@@ -61,12 +78,17 @@ def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
 
     def stair(count: int) -> Stair:
         layout = own.with_effects((*own.effects, *(e for e, _ in order[:count])))
-        found = view.context.fit(layout, fit.towards(order[count][1], layout))
+        start = fit.towards(order[count][1], layout)
+        found = view.context.fit(layout, start)
+        covariance, _ = found.covariances(found.at_bound)
         errors = course.band.errors(found, view.context.first_phase)
-        return Stair(effects[count], layout, found.x, found.covariance, errors)
+        return Stair(effects[count], layout, found.x, covariance, errors)
 
-    stairs = list(shared(stair, range(len(order))[::-1]))[::-1]  # the largest, which take longest, first
-    return [*stairs, replace(last, added=effects[-1])]
+    if not order:
+        return [replace(last, added=None)]
+    first = estimated(course, own, fit.towards(order[0][1], own))
+    stairs = shared(stair, range(1, len(order))[::-1])[::-1]  # the largest, which take longest, first
+    return [first, *stairs, replace(last, added=effects[-1])]
 
 
 def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Finding]:
@@ -163,7 +185,7 @@ def absorbed(before: Stair, after: Stair) -> tuple[Absorbed, ...]:
     out = [
         Absorbed(name, joint, float(a[k]), float(b[k]), unit, float(deviations[k]))
         for k, (name, joint, unit) in enumerate(new.names()[:count])
-        if deviations[k] > LIMITS.outlier
+        if deviations[k] > MOTION.outlier
     ]
     return tuple(sorted(out, key=lambda m: -m.deviations))
 

@@ -11,11 +11,11 @@ from flexviz.diagnosis.candidates import is_episode, with_effects
 from flexviz.diagnosis.criterion import Residuals, criterion_of
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import STEPS, Fit, FitContext
-from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
 from flexviz.effects import EFFECTS
 from flexviz.equation import Chain, Layout
 from flexviz.estimation import Point, ScoredCandidate, torque_scale
+from flexviz.motion import MOTION, Known
 
 Array = NDArray[np.float64]
 FineModel = Model[Fit]
@@ -39,8 +39,8 @@ class Fine(Resolution[Fit]):
         """The model from which on J is measured."""
         fit = self.context.fit(layout, x, iterations=iterations, check=self.check)
         bare = self.context.without_effects(fit)
-        explained = np.mean([p.values**2 for p in self.residuals(bare)[:1]][0], axis=0)
-        least = (1 + LIMITS.noise_known) * np.sqrt(1 + LIMITS.exactness**2 * explained)
+        explained = np.mean(self.residuals(bare)[0].values ** 2, axis=0)
+        least = (1 + MOTION.noise_known) * np.sqrt(1 + LIMITS.exactness**2 * explained)
         self.criterion = criterion_of(self.residuals(fit), least, self.choices)
         return self.model(fit)
 
@@ -58,9 +58,7 @@ class Fine(Resolution[Fit]):
         pulses = sum(sum(w.log_determinant for w in p.weightings) + p.transients for p in _points(fit))
         cost = self.cost(fit.layout) + 0.5 * pulses
         cost += sum(EFFECTS[e.effect].surprise(fit.x[where]) for e, where in fit.layout.effect_slices())
-        return Model(
-            fit, self.criterion.score(self.residuals(fit), cost, torque_scale(fit.layout, fit.x))
-        )
+        return Model(fit, self.criterion.score(self.residuals(fit), cost, torque_scale(fit.layout, fit.x)))
 
     def towards(self, model: FineModel, x: Array, smaller: Layout) -> Array:
         start = smaller.vector(model.layout.model(x))

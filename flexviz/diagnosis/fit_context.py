@@ -30,6 +30,7 @@ from flexviz.estimation import (
     start_values,
 )
 from flexviz.measurements import MeasurementSet
+from flexviz.motion import MOTION
 
 Array = NDArray[np.float64]
 
@@ -137,7 +138,7 @@ class FitContext:
         prior = start.prior
         if self.measurements.initial_stiffness is not None:
             spread = prior.spread.copy()
-            spread[layout.compliance] = THRESHOLDS.prior.rough_spread * start.x[layout.compliance]
+            spread[layout.compliance] = MOTION.rough_spread * start.x[layout.compliance]
             prior = replace(prior, spread=spread)
         return replace(start, prior=prior, bounds=search_bounds(start, layout))
 

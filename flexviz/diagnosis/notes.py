@@ -9,18 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.prediction_errors import PredictionErrors
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.motion import MOTION, Phase, Phases
 from flexviz.records import FreeCurve, Note, NoteKind
 from flexviz.results import BandwidthCheck
 from flexviz.wording import MOST_NAMED, listed, plural
 
 Array = NDArray[np.float64]
 
-STILL = THRESHOLDS.standstill
+STILL = MOTION
 
 
 def notes(
@@ -52,7 +51,7 @@ def notes(
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > THRESHOLDS.criterion.outlier * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > MOTION.outlier * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         text = (
             f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "

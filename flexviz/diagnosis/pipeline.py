@@ -11,20 +11,18 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.candidates import rows_without_curves, without_curves
+from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.curves import fit_free_curve
-from flexviz.diagnosis.findings import Stair, effect_values, findings, staircase, steps
+from flexviz.diagnosis.findings import Stair, effect_values, estimated, findings, stair_of, staircase, steps
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
-from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
-from flexviz.estimation import Covariance
 from flexviz.identification import link_side_checks, parameter_estimates
 from flexviz.measurements import MeasurementSet, no_torque_text, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
@@ -111,7 +109,9 @@ class _Description:
         course, end, final = self.course, self.end, self.final()
         course.tell(SearchStage.STAIRS)
         stairs = staircase(course, end, final)
-        left = course.errs(end.coarse, end.fine) if end.at_noise else course.view.significant(end.coarse).any()
+        left = (
+            course.errs(end.coarse, end.fine) if end.at_noise else course.view.significant(end.coarse).any()
+        )
         complete = not (left or end.curves or end.changing or self.drowned(final))
         last: Verdict = "nothing-missing" if complete else "unknown"
         found = findings(course, end, stairs)
@@ -125,7 +125,7 @@ class _Description:
         """The result that describes one model, `shown`."""
         course, end, layout = self.course, self.end, shown.layout
         course.tell(SearchStage.LOCATION)
-        fit = end.fine.fit if self.apply else course.fine.fit(layout, shown.x, 0).fit
+        fit = course.fine.fit(layout, shown.x, 0).fit
         context, unknown = course.fine.context, made[-1].verdict == "unknown"
         place = self.place(fit) if unknown and self.apply else None
         beside = UnknownInputFit.of(context, fit, place)
@@ -140,14 +140,14 @@ class _Description:
         if not course.stopped and (self.guarded or (self.guarded is None and puzzling)):
             course.tell(SearchStage.BANDWIDTH)
             guard = check_bandwidth(course.measurements, layout, shown.x)
-        start = course.view.context.start(layout)
-        at_bound = (shown.x <= start.bounds.lower) | (shown.x >= start.bounds.upper)
         told = () if beside is None else beside.notes(context, parts, fit)
         # variance of the model error that the search allowed for, shape (n,) [Nm²]
         error = None if end.at_noise or not unknown else end.coarse.score.deviation**2
         more = notes(fit, made[-1].verdict, shown.errors, error, curve, guard)
+        known = shown.estimate
+        assert known is not None
         parameters = parameter_estimates(
-            layout, shown.x, start.prior.centre, shown.covariance, at_bound, start.prior
+            layout, known.x, known.start, shown.covariance, known.at_bound, known.prior
         )
         links = layout.inertial
         return Diagnosis(
@@ -213,18 +213,9 @@ class _Description:
         return unknown_place(self.course.fine.context, fit, lambda: None, [int(np.argmax(ratio))])
 
     def final(self) -> Stair:
-        """The final model."""
-        coarse, fine = self.end.coarse.fit, self.end.fine.fit
-        if self.end.at_noise:
-            known, both = Known(fine.layout, fine.x), self.course.fine.context.covariances(fine)
-        else:
-            known, both = Known(coarse.layout, coarse.x), (coarse.stated_covariance, coarse.covariance)
-            if not self.curves:
-                known, kept = without_curves(coarse), rows_without_curves(coarse.layout)
-                both = tuple(
-                    Covariance(whole.matrix[np.ix_(kept, kept)], whole.prior_share[kept]) for whole in both
-                )
-        covariance, chance = both
-        added = [e for e in known.layout.effects if e not in self.course.own.effects]
-        errors = self.course.band.errors(known, self.course.view.context.first_phase)
-        return Stair(added[-1] if added else None, known.layout, known.x, covariance, errors, chance)
+        """The final model, as `identify` estimates it."""
+        end, course = self.end, self.course
+        if end.curves and self.curves:
+            return stair_of(course, course.estimator.of_motion(end.coarse.fit))
+        known = without_curves(end.coarse.fit) if end.curves or not end.at_noise else end.fine.fit
+        return estimated(course, known.layout, known.x)

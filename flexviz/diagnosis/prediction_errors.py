@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
-from flexviz.diagnosis.motion_samples import LONGEST_EDGE, Phases, phases
 from flexviz.equation import Equation, Layout, build_signals, layout_of
 from flexviz.estimation import residual_noise
 from flexviz.iteration import Iteration
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
+from flexviz.motion import LONGEST_EDGE, Phases, phases
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
 from flexviz.records import GroupError

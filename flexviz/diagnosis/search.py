@@ -142,7 +142,5 @@ class Search(Generic[Model]):
         """Keep a move in the trace; returns whether it is made."""
         old, new = self.problem.parts(before), self.problem.parts(after)
         found = self.gain(before, after)
-        self.trace.append(
-            Tried(kind, tuple(new - old), tuple(old - new), found, accepted, self.problem.name)
-        )
+        self.trace.append(Tried(kind, tuple(new - old), tuple(old - new), found, accepted, self.problem.name))
         return accepted

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
-from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import Known, PredictionErrorBand
 from flexviz.equation import Layout
 from flexviz.model import FlexibleModel
+from flexviz.motion import Phases
 from flexviz.progress import BestSoFar
 from flexviz.wording import MOST_NAMED, JointErrors, listed, stated_errors, text_names
 

@@ -16,11 +16,8 @@ class CriterionThresholds:
     """What counts, and what an effect has to gain."""
 
     false_alarm: float = 0.05  # probability that anything is found where nothing is missing
-    noise_known: float = 0.02  # relative error of the noise's standard deviation
-    tolerance: float = 0.003  # of a joint's torque spread: what laws leave that are right
     exactness: float = 1e-3  # the same in units of the noise, of what the effects explain
     rounding: float = 0.5  # [nats] by which held-out groups may be described less well
-    outlier: float = 2.5  # [standard deviations] from which a residual counts linearly
     temperature: float = 10.0  # [nats] by which a gain has to exceed its cost for a confidence of 73 %
     doubt: float = 0.1  # odds that an effect stands in for an unmodelled torque that gains as much
 
@@ -40,25 +37,6 @@ class SearchThresholds:
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
-class PriorThresholds:
-    """Physical sizes: what is known of a robot before its data."""
-
-    computed_spread: float = 0.2  # relative standard deviation of CAD inertias, and of an even friction split
-    rough_spread: float = 0.4  # that of the set's stiffness and motor inertia
-    guessed_spread: float = 1.5  # of the log of both where the set does not give them
-    hidden_torque: float = 0.005  # share of a joint's torque that stands for what these data do not show
-
-
-@dataclass(frozen=True, init=False, repr=False, eq=False)
-class StandstillThresholds:
-    """Where a joint rests, friction takes any value up to its limit."""
-
-    still: float = 0.01  # of a joint's 95 % speed or of its range of positions: within, it rests
-    louder: float = 1.64  # times the error in motion from which rest is judged apart
-    start_angle: float = 0.01  # [rad] after rest that counts as standstill
-
-
-@dataclass(frozen=True, init=False, repr=False, eq=False)
 class EvidenceThresholds:
     """What is reported."""
 
@@ -74,8 +52,6 @@ class Thresholds:
 
     criterion: CriterionThresholds = CriterionThresholds()
     search: SearchThresholds = SearchThresholds()
-    prior: PriorThresholds = PriorThresholds()
-    standstill: StandstillThresholds = StandstillThresholds()
     evidence: EvidenceThresholds = EvidenceThresholds()
 
 

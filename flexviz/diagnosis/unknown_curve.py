@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.effects import EFFECTS, ChosenEffect, free_curve
+from flexviz.motion import MotionFit
 from flexviz.parallel import shared
 
 TWICE_AS_RICH = 1.5  # times the gain of one curve, for one per direction

@@ -23,6 +23,7 @@ from flexviz.diagnosis.vibration import vibration
 from flexviz.equation import Layout
 from flexviz.estimation import ESTIMATION, MAX_ITERATIONS, SIDES, Covariance, Side, UnknownInput
 from flexviz.identification import parameter_estimates
+from flexviz.motion import MOTION
 from flexviz.parallel import shared
 from flexviz.records import Note
 from flexviz.wording import interval, number, plain_name
@@ -170,7 +171,7 @@ class UnknownInputFit:
         on_link = self.place.sure and self.place.unknown.side == "link"
         for one, other in zip(here, without, strict=True):
             apart = one.name in COMPARED and (on_link or one.joint != self.place.joint)
-            clear = abs(one.value - other.value) > THRESHOLDS.criterion.outlier * one.std
+            clear = abs(one.value - other.value) > MOTION.outlier * one.std
             if apart and one.identifiable == "yes" and clear:
                 shown = f"{plain_name(one.name)} of {one.joint} {' ± '.join(interval(one.value, one.std))}"
                 yield f"{shown} {one.unit} instead of {number(other.value, 4)}"

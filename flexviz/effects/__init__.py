@@ -7,7 +7,14 @@ from flexviz.effects.effect_draft import draft_effect
 from flexviz.effects.free_curve import CURVES, FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
-from flexviz.effects.names import EFFECT_FAMILIES, EFFECT_NAMES, family_of, is_user_defined, known_names, simplest
+from flexviz.effects.names import (
+    EFFECT_FAMILIES,
+    EFFECT_NAMES,
+    family_of,
+    is_user_defined,
+    known_names,
+    simplest,
+)
 from flexviz.effects.registry import EFFECTS
 from flexviz.effects.selection import ChosenEffect, choose_effects, named_effect
 from flexviz.effects.terms import (
@@ -59,11 +66,11 @@ __all__ = [
     "free_curve",
     "is_user_defined",
     "known_names",
-    "simplest",
     "load_effects",
     "loaded_files",
     "named_effect",
     "neighbour",
     "simple_form",
+    "simplest",
     "smooth_sign",
 ]

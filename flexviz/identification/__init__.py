@@ -1,6 +1,7 @@
 """Identification: parameters with uncertainty from measurements."""
 
 from flexviz.identification.bandwidth_sweep import SweepResult, sweep
+from flexviz.identification.estimator import Estimate, Estimator
 from flexviz.identification.link_side_check import link_side_checks
 from flexviz.identification.pipeline import identify
 from flexviz.identification.plots import IdentificationPlots, laws_figure
@@ -10,6 +11,8 @@ from flexviz.identification.settings import FitOptions, FitSettings, fit_setting
 from flexviz.identification.summary import combinations, parameter_estimates
 
 __all__ = [
+    "Estimate",
+    "Estimator",
     "FitOptions",
     "FitSettings",
     "Identification",

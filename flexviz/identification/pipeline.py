@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Unpack
 
 import numpy as np
@@ -14,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.estimation import Stopped, TwoBandData, base_parameters, residual_noise
-from flexviz.estimation import refine as refine_fit
+from flexviz.estimation import Stopped, base_parameters, residual_noise
+from flexviz.identification.estimator import Estimator
 from flexviz.identification.failure import (
     Unrest,
     far_above_noise,
@@ -83,7 +82,7 @@ def identify(
         if model is not None:
             outcome = replace(outcome, message=GIVEN, given=True)
         elif chosen.refine and not report.stopped:
-            outcome = _refined_outcome(measurements, fitted, plain, outcome, report)
+            outcome = _estimated_outcome(measurements, fitted, plain, outcome, report)
         if model is None and not report.stopped and not outcome.explained:
             move = likely_move(measurements, plain)
         if report.stopped:
@@ -149,36 +148,27 @@ def _plain_outcome(plain: PlainFit) -> _Outcome:
     return _Outcome(end.x, end.evaluation, end.at_bound, plain.stated, end.converged, message, unrest=unrest)
 
 
-def _refined_outcome(
+def _estimated_outcome(
     measurements: MeasurementSet,
     groups: tuple[Group, ...],
     plain: PlainFit,
     outcome: _Outcome,
     report: StepReporter,
 ) -> _Outcome:
-    """The refinement's result; the plain one where it is stopped or does not converge."""
+    """The estimator's result; the plain one where it is stopped."""
     report.stage = "refine"
-    start = plain.start
     try:
         report.check()
-        two_band = TwoBandData(measurements, groups, report.layout)
-        found = refine_fit(two_band, start.prior, start.bounds, outcome.x, report=report)
+        found = Estimator(measurements, groups).estimate(
+            report.layout, outcome.x, check=report.check, report=report
+        )
     except Stopped:
         return outcome
-    if not found.converged:
-        text = "the refinement did not converge, so values and intervals are those of the plain fit"
-        return replace(outcome, message=f"{outcome.message}; {text}")
-    x, model_error, chi_square = found.place.x, found.place.model_error, float(np.mean(found.place.chi))
-    message = f"refined; whitened residual {chi_square:.3g} per sample (1 = measurement noise alone)"
-    if model_error.any():
-        added = ", ".join(f"{value:.2g}" for value in np.sqrt(model_error))
-        message = f"refined; the model errs more than the sensors, a model error ({added} Nm) was allowed for"
+    x = found.x
     evaluation = plain.equation.at(x, plain.solution.point).evaluate(x)
-    explained = found.place.at_noise
-    stated = partial(found.place.stated, start.prior, from_noise=explained)
     return replace(
-        outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=stated, message=message,
-        refined=True, explained=explained,
+        outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=found.stated, message=found.message,
+        converged=True, refined=True, explained=found.at_noise or not found.refined, unrest=None,
     )  # fmt: skip
 
 

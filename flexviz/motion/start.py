@@ -8,15 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.equation import Layout, Signals
 from flexviz.estimation import Bounds, Start, other_effects
 from flexviz.measurements import MeasurementSet
+from flexviz.motion.thresholds import MOTION
 
 Array = NDArray[np.float64]
-
-LIMITS = THRESHOLDS.prior
 
 
 def firm_start(
@@ -30,19 +28,19 @@ def firm_start(
     start = other_effects(base, layout, signals)
     prior, logs = start.prior, np.full(layout.size, np.inf)
     guessed = given.initial_stiffness is None
-    logs[layout.compliance] = LIMITS.guessed_spread if guessed else LIMITS.rough_spread
+    logs[layout.compliance] = MOTION.guessed_spread if guessed else MOTION.rough_spread
     spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
     if guessed:
-        softest = start.x[layout.compliance] * np.exp(LIMITS.guessed_spread)
+        softest = start.x[layout.compliance] * np.exp(MOTION.guessed_spread)
         upper[layout.compliance] = np.minimum(upper[layout.compliance], softest)
     guessed = given.initial_motor_inertia is None
-    logs[layout.motor_inertia] = LIMITS.guessed_spread if guessed else LIMITS.rough_spread
+    logs[layout.motor_inertia] = MOTION.guessed_spread if guessed else MOTION.rough_spread
     dummy = given.robot.cad_parameters[:, 0] < prior.cad[:, 0]  # which was given a mass
-    weight = np.where(dummy, prior.weight, LIMITS.computed_spread**-2)
+    weight = np.where(dummy, prior.weight, MOTION.computed_spread**-2)
     # stiff joints do not show how viscous friction is split between motor and link
     torque, speed = (np.sqrt(np.mean(v**2, axis=0)) + 1e-9 for v in (signals.tau[0], signals.theta[1]))
-    least = LIMITS.hidden_torque * torque / speed
-    spread[layout.link_viscous] = LIMITS.computed_spread * start.x[layout.link_viscous] + least
+    least = MOTION.hidden_torque * torque / speed
+    spread[layout.link_viscous] = MOTION.computed_spread * start.x[layout.link_viscous] + least
     offsets = {e.joint for e in layout.effects if EFFECTS[e.effect].constant}
     for effect, where in layout.effect_slices():
         law = EFFECTS[effect.effect]
@@ -65,7 +63,7 @@ def _stand_ins(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:
         if curve is None:
             continue
         size = float(torque[effect.place.own_joint])
-        precision, least = curve.precision(size), LIMITS.hidden_torque * size
+        precision, least = curve.precision(size), MOTION.hidden_torque * size
         for branch in curve.branches:
             nodes = np.arange(len(branch)) - 0.5 * (len(branch) - 1)
             for form in (np.ones(len(branch)), nodes / np.abs(nodes).max()):

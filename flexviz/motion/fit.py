@@ -15,10 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.fit_context import STEPS
-from flexviz.diagnosis.motion_samples import LONGEST_EDGE, Phase, Phases, phases, robust_weights
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import (
     Chain,
     Equation,
@@ -44,14 +40,20 @@ from flexviz.estimation import (
     with_model_error,
 )
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.motion.robust import robust_weights
+from flexviz.motion.samples import LONGEST_EDGE, Phase, Phases, phases
+from flexviz.motion.start import firm_start
+from flexviz.motion.thresholds import MOTION
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 HERTZ = 7.0  # band of the motion
 SAMPLES = 1000  # of a record, with eight to four of a cycle at the edge of the band
+STEPS = 20  # of a fit at most
 SETTLED = 0.5  # change of the objective that ends a fit
 
 
@@ -94,7 +96,9 @@ class MotionFit:
         return self.residual * self.weights, self._jacobian.get(self._weighted)
 
     def _weighted(self, jacobian: Array | None = None) -> Array:
-        jacobian = self.point.evaluate(self.x, moving=True, near=True).jacobian if jacobian is None else jacobian
+        jacobian = (
+            self.point.evaluate(self.x, moving=True, near=True).jacobian if jacobian is None else jacobian
+        )
         jacobian *= self.weights[:, :, None]
         return jacobian
 
@@ -129,25 +133,22 @@ class MotionFit:
         gradient, hessian = self.prior_derivatives
         return Projection(self.whitened[0].ravel(), self.instruments, self.information + hessian, gradient)
 
-    @cached_property
-    def covariance(self) -> Covariance:
-        """Of the parameters, from the residual's own spectra."""
+    def covariances(self, at_bound: Bools) -> tuple[Covariance, Covariance]:
+        """Of the parameters with some at a bound, (P,): with what the model lacks, and of chance alone.
+
+        Chance is what the residual's own spectra say.
+        """
+        held = at_bound & (np.arange(len(self.x)) >= self.layout.effect_start)
         rows = [b.rows for b in self.context.signals.blocks]
         measured = self.context.start(self.layout).prior.measured(self.x)
-        return spectral_covariance(*self.whitened, rows, self.prior_derivatives[1], self.held, measured)
-
-    @property
-    def stated_covariance(self) -> Covariance:
-        """Of the parameters, including what the model lacks."""
-        whitened, jacobian = self.whitened
+        (whitened, jacobian), hessian = self.whitened, self.prior_derivatives[1]
+        chance = spectral_covariance(whitened, jacobian, rows, hessian, held, measured)
         floor = np.mean((self.context.noise_floor * self.weights) ** 2, axis=0)
         excess = np.maximum(np.mean(whitened**2, axis=0) - floor, 0.0)
         flat = jacobian.reshape(-1, self.layout.size)
-        fit = FittedModel(
-            self.point, self.chain, self.weigh, whitened.ravel(), flat, self.prior_derivatives[1], self.held
-        )
-        (stated,) = with_model_error([self.covariance], [fit], excess)
-        return stated
+        fit = FittedModel(self.point, self.chain, self.weigh, whitened.ravel(), flat, hessian, held)
+        (stated,) = with_model_error([chance], [fit], excess)
+        return stated, chance
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -165,7 +166,10 @@ class MotionFit:
 
     def jacobians(self) -> list[Array]:
         """Of each of the context's parts, shape (N, n, P)."""
-        return [point.evaluate(self.x, moving=True, near=True).jacobian for point in (self.point, *self._held_out())]
+        return [
+            point.evaluate(self.x, moving=True, near=True).jacobian
+            for point in (self.point, *self._held_out())
+        ]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
@@ -245,7 +249,7 @@ class MotionContext:
             np.sum(fit.residual**2 * part, axis=0) / np.maximum(part.sum(axis=0), 1)
             for part in (~moving & used, moving)
         )
-        ratio, share = THRESHOLDS.standstill.louder, THRESHOLDS.criterion.tolerance
+        ratio, share = MOTION.louder, MOTION.tolerance
         louder = rest > np.maximum(ratio**2 * motion, (share * self.spread) ** 2)
         self.first_phase = np.where(louder, np.int8(Phase.MOTION), before)
         return bool(np.any(self.first_phase > before))
@@ -255,16 +259,22 @@ class MotionContext:
         return firm_start(self.measurements, self.signals, self._start, layout, self.stand_ins)
 
     def fit(
-        self, layout: Layout, x: Array, *, iterations: int = STEPS, check: Callable[[], None] = lambda: None
+        self,
+        layout: Layout,
+        x: Array,
+        *,
+        iterations: int = STEPS,
+        check: Callable[[], None] = lambda: None,
+        settled: float = SETTLED,
     ) -> MotionFit:
         """Gauss–Newton from x, shape (P,), with weights from the residual, renewed at every step.
 
-        `check` is called before each step and may raise to stop.
+        `check` is called before each step and may raise to stop; `settled`: change of the objective that ends it.
         """
         start = self.start(layout)
         problem = MotionProblem(self, self.equation(layout), start.prior, check)
         reach = Reach(start.bounds, start.prior.feasible, layout.compliance)
-        descent = Descent(problem, reach, problem.at(start.bounds.clip(x)), settled=SETTLED, damped=True)
+        descent = Descent(problem, reach, problem.at(start.bounds.clip(x)), settled=settled, damped=True)
         descent.run(iterations)
         found = descent.place
         found.at_bound[:] = descent.at_bound

@@ -1,0 +1,40 @@
+"""Samples of a motion: which count."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Signals
+from flexviz.motion.thresholds import MOTION
+
+Phases = NDArray[np.int8]
+
+LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
+
+
+class Phase(IntEnum):
+    """Of a joint's motion. Where standstill is left out, a joint has the number of the first that counts."""
+
+    REST = 0
+    START = 1  # moving, but not yet by more than `MOTION.start_angle` from where it rested
+    MOTION = 2
+
+
+def phases(signals: Signals) -> Phases:
+    """The `Phase` of each sample and joint, shape (N, n)."""
+    position, speed = signals.theta[0], np.abs(signals.theta[1])
+    moving = speed > MOTION.still * np.quantile(speed, 0.95, axis=0)
+    phase = np.where(moving, Phase.MOTION, Phase.REST).astype(np.int8)
+    for block in signals.blocks:
+        rows = block.rows
+        for j in range(moving.shape[1]):
+            part = moving[rows, j]
+            starts = rows.start + np.flatnonzero(np.diff(part.astype(int), prepend=0) > 0)
+            for start in starts:
+                away = np.abs(position[start : rows.stop, j] - position[start, j]) > MOTION.start_angle
+                stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
+                phase[start:stop, j] = np.minimum(phase[start:stop, j], Phase.START)
+    return phase
