@@ -16,6 +16,7 @@ from flexviz.equation.link import LinkDynamics
 from flexviz.equation.signals import Signals, build_signals
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
+from flexviz.nonnegative import nonnegative_least_squares
 from flexviz.observers import ButterworthZeroPhase
 
 BAND = 5.0  # [Hz] of the comparison: below the resonances of nearly all arms
@@ -115,8 +116,6 @@ def _decided(torque: Array, free: Array, inertia: Array, least: Array, spread: A
 
     Of the n joints, m have a torque.
     """
-    from scipy.optimize import lsq_linear
-
     n = len(least)
     sigma = np.sqrt(np.mean(torque**2, axis=0)) + 1e-12
     unexplained = motors = coefficients = np.zeros(0)
@@ -133,6 +132,6 @@ def _decided(torque: Array, free: Array, inertia: Array, least: Array, spread: A
         found = np.linalg.lstsq(motors, unexplained, rcond=DEPENDENT)[0]
         residual = (unexplained - motors @ found).reshape(torque.shape)
         sigma = sigma * np.sqrt(np.mean(residual**2, axis=0)) + 1e-12
-    with_motors = lsq_linear(motors, unexplained, bounds=(least, np.inf)).cost
+    with_motors = nonnegative_least_squares(motors, unexplained - motors @ least)[1]
     dry = np.abs(coefficients[-3 * n :: 3]) / np.maximum(spread, 1e-12)
-    return _Decided(float(with_motors - 0.5 * np.sum(unexplained**2)), dry)
+    return _Decided(float(0.5 * (with_motors**2 - np.sum(unexplained**2))), dry)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from flexviz._scipy import sp
 from flexviz.arrays import Array, Indices
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
-from flexviz.fourier import line_counts
+from flexviz.fourier import fast_length, line_counts
 from flexviz.observers import Observer
 
 CHUNK = 150  # samples whitened at a time: they stay in the processor's cache
@@ -230,7 +230,7 @@ def noise_score_covariance(
     Returns:
         shape (P, P).
     """
-    length = sp.fft.next_fast_len(2 * len(weights), real=True)
+    length = fast_length(2 * len(weights))
     omega = np.arange(length // 2 + 1, dtype=float) * (2 * np.pi / (length * joint_step))
     share = line_counts(length)
     if length % 2 == 0:
@@ -263,7 +263,7 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
     at = np.concatenate([begun, later])
     weights = np.empty((len(at), order, n, n))
     scale = np.empty((len(at), n, n))
-    chunk = max(1, int(4e6 / (order * n) ** 2))
+    chunk = max(1, int(5e5 / (order * n) ** 2))
     for start in range(0, len(at), chunk):
         part = slice(start, min(start + chunk, len(at)))
         weights[part], scale[part] = _predict(covariance, at[part], ridge)

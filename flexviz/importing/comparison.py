@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from flexviz._pinocchio import pin
-from flexviz._scipy import sp
 from flexviz.errors import InputError
 from flexviz.importing.cross_checks import followed, joint_parts
 from flexviz.importing.joint_fit import (
@@ -132,12 +131,17 @@ class Comparison:
     @cached_property
     def slow(self) -> Array:
         """(M, k) orthonormal cosines of the frequencies at which a joint is rigid, group by group."""
-        blocks = []
-        for rows, seconds in zip(map(len, self.q), self.lasts, strict=True):
-            waves = np.arange(min(1 + int(2 * LIMITS.rigid_below * seconds), rows))
-            block = np.cos(np.pi * waves * (np.arange(rows)[:, None] + 0.5) / rows)
-            blocks.append(block / np.linalg.norm(block, axis=0))
-        basis: Array = sp.linalg.block_diag(*blocks)
+        lengths = [len(q) for q in self.q]
+        counts = [
+            min(1 + int(2 * LIMITS.rigid_below * seconds), rows)
+            for rows, seconds in zip(lengths, self.lasts, strict=True)
+        ]
+        basis = np.zeros((sum(lengths), sum(counts)))
+        row = column = 0
+        for rows, waves in zip(lengths, counts, strict=True):
+            block = np.cos(np.pi * np.arange(waves) * (np.arange(rows)[:, None] + 0.5) / rows)
+            basis[row : row + rows, column : column + waves] = block / np.linalg.norm(block, axis=0)
+            row, column = row + rows, column + waves
         return basis
 
     def _reduced(self, reading: Reading) -> list[list[Band]]:
