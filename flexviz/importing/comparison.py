@@ -14,7 +14,7 @@ columns can be compared by their scores, whatever they change.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -30,7 +30,6 @@ from flexviz.importing.joint_fit import (
     Band,
     JointFit,
     fit_joint,
-    least_left,
     reduced,
     swings_of,
 )
@@ -75,10 +74,16 @@ class Reading:
 
 
 class Comparison:
-    """The motion of all groups at a few instants, and the scores of its readings."""
+    """The motion of all groups at a few instants, and the scores of its readings.
 
-    def __init__(self, robot: Robot, groups: Sequence[LoadedTable]) -> None:
+    `watch` is called before each reading; it may raise to stop.
+    """
+
+    def __init__(
+        self, robot: Robot, groups: Sequence[LoadedTable], watch: Callable[[], None] = lambda: None
+    ) -> None:
         self.robot, n = robot, robot.n
+        self._watch = watch
         self.bodies = [bodies for bodies, _ in groups]
         self.names = [table.name for _, table in groups]
         motions = [sample_motion(table.time, table.theta, table.tau) for _, table in groups]
@@ -105,6 +110,7 @@ class Comparison:
         self._models: dict[int | None, Any] = {}
         self._rigid: dict[tuple[object, ...], Array] = {}
         self._r: dict[int, list[Band]] = {}
+        self._fits: dict[tuple[int, int, int, bool], JointFit] = {}
         self.seconds = sum(self.lasts)
         slow = [self.slow @ (self.slow.T @ column) for column in np.concatenate(self.torque).T]
         self.swings = [
@@ -123,10 +129,14 @@ class Comparison:
 
     def fits(self, reading: Reading) -> list[JointFit]:
         """The fit of every joint."""
-        return [
-            fit_joint(bands, self.swings[reading.tau_order[j]], self.inertia[j], reading.free[j])
-            for j, bands in enumerate(self._reduced(reading))
-        ]
+        return [self._fit(j, bands, reading) for j, bands in enumerate(self._reduced(reading))]
+
+    def _fit(self, j: int, bands: list[Band], reading: Reading) -> JointFit:
+        column, free = reading.tau_order[j], bool(reading.free[j])
+        key = j, id(bands), column, free  # `_r` keeps the bands
+        if key not in self._fits:
+            self._fits[key] = fit_joint(bands, self.swings[column], self.inertia[j], free)
+        return self._fits[key]
 
     @cached_property
     def slow(self) -> Array:
@@ -146,6 +156,7 @@ class Comparison:
 
     def _reduced(self, reading: Reading) -> list[list[Band]]:
         """Of each joint: what its torque is explained by, in two bands; nothing where it rests."""
+        self._watch()
         parts, (_, v, a) = self._parts(reading), self._motion(reading)
         tau = np.concatenate(self.torque)[:, reading.tau_order] * reading.sign * reading.size
         acting = np.eye(self.robot.n)  # of motors (rows) on joints
@@ -173,13 +184,13 @@ class Comparison:
             (self._few if few else self)._reduced(reading), reading.tau_order, strict=True
         ):
             for band, swings in zip(bands, self.swings[column], strict=False):
-                total -= 0.5 * swings * np.log(least_left(band.r) + LIMITS.model_error)
+                total -= 0.5 * swings * np.log(band.least_left + LIMITS.model_error)
         return float(total)
 
     @cached_property
     def _few(self) -> Comparison:
         few = copy(self)
-        few._rigid, few._r = {}, {}
+        few._rigid, few._r, few._fits = {}, {}, {}
         few.__dict__.pop("slow", None)
         for name in ("q", "v", "a", "torque"):
             setattr(few, name, [x[::FEWER] for x in getattr(self, name)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,13 @@ class Band:
     r: Array  # (≤ P + 1, P + 1) R of the columns and of τ, which has unit length
     power: float  # of τ [(Nm)²], summed over the instants
 
+    @cached_property
+    def least_left(self) -> float:
+        """The share of τ that no masses, inertia and friction explain, if they are not negative."""
+        columns = self.r[:, :-1]
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+        return nonnegative_least_squares(columns / size, self.r[:, -1])[1] ** 2
+
 
 def reduced(masses: Array, a: Array, speeds: Array, tau: Array, slow: Array) -> list[Band]:
     """The joint's columns at low and at high frequencies; nothing of a joint at rest.
@@ -56,13 +64,6 @@ def reduced(masses: Array, a: Array, speeds: Array, tau: Array, slow: Array) -> 
         r: Any = np.linalg.qr(rows / np.sqrt(power), mode="r")
         bands.append(Band(r, power))
     return bands
-
-
-def least_left(r: Array) -> float:
-    """The share of τ that no masses, inertia and friction explain, if they are not negative."""
-    columns = r[:, :-1]
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-    return nonnegative_least_squares(columns / size, r[:, -1])[1] ** 2
 
 
 def fit_joint(bands: list[Band], swings: Array, inertia: float, free: bool) -> JointFit:
