@@ -100,6 +100,7 @@ def build_signals(
     strides: Callable[[Segment], int | None] = lambda segment: None,
     drop: tuple[float, float] | None = None,
     longest_edge: float = np.inf,
+    watch: Callable[[], None] = lambda: None,
 ) -> Signals:
     """Run the observer over all groups and stack its outputs.
 
@@ -112,6 +113,7 @@ def build_signals(
         exact_step: never refine `sample_step`; otherwise refine it as the observer's bandwidth requires.
         drop: seconds to drop at the start and end of each segment; default: the observer's transients.
         longest_edge: share of the shortest segment that is dropped at either end at most.
+        watch: called before each segment is filtered; may raise to stop.
 
     Raises:
         InputError: if no samples are left after the transients.
@@ -130,6 +132,7 @@ def build_signals(
             count = np.count_nonzero(keep)
             if count < MIN_SAMPLES:
                 continue
+            watch()
             theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)
             tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)
             times.append(time[keep])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Unpack
@@ -85,10 +86,12 @@ def identify(
         elif chosen.refine and not report.stopped:
             outcome = _refined_outcome(measurements, fitted, plain, outcome, report)
         if model is None and not report.stopped and not outcome.explained:
-            move = likely_move(measurements, plain)
+            with suppress(Stopped):
+                move = likely_move(measurements, plain)
+        report.stage = "intervals"
+        known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
         if report.stopped:
             outcome = replace(outcome, converged=False, message=STOPPED)
-        known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
         result = _result(measurements, fitted, plain, outcome, known, report)
     result = replace(result, residual=_with_noise_share(result.residual, noise))
     message = result.message + left_out_text(result, (*fitted, *held_out))
@@ -161,7 +164,7 @@ def _refined_outcome(
     start = plain.start
     try:
         report.check()
-        two_band = TwoBandData(measurements, groups, report.layout)
+        two_band = TwoBandData(measurements, groups, report.layout, watch=report.watch)
         found = refine_fit(two_band, start.prior, start.bounds, outcome.x, report=report)
     except Stopped:
         return outcome
