@@ -1,5 +1,8 @@
 """Small numerical methods of our own against those of SciPy, which take 20 to 40 MB to load."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.fft import next_fast_len
@@ -43,3 +46,22 @@ def test_nonnegative_least_squares_keeps_the_scale_of_its_columns():
     x, left = nonnegative_least_squares(a * scale, a @ true)
     assert x * scale == pytest.approx(true, abs=1e-9)
     assert left == pytest.approx(0.0, abs=1e-9)
+
+
+def test_identify_loads_no_more_of_scipy_than_it_uses():
+    """Peak memory of the bundled example: 266 MB with scipy.fft and scipy.optimize, 237 MB without."""
+    code = (
+        "import resource, sys\n"
+        "from flexviz.cli import main\n"
+        "sys.argv = ['flexviz', 'identify', 'demo']\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "parts = ('fft', 'optimize', 'interpolate', 'signal')\n"
+        "loaded = [name for name in parts if f'scipy.{name}' in sys.modules]\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024, *loaded)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300
+    )
+    peak, *loaded = done.stdout.splitlines()[-1].split()
+    assert not loaded
+    assert int(peak) < 255

@@ -76,9 +76,9 @@ def identify(
     chosen = fit_settings(settings, **options)
     fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))
-    layout = _layout(measurements, fitted, chosen.effects)
-    report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+        layout = _layout(measurements, fitted, chosen.effects)
+        report = StepReporter(layout, progress, should_stop)
         plain = plain_fit(measurements, fitted, chosen, report, model)
         outcome, move = _plain_outcome(plain), np.zeros(layout.size)
         if model is not None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from flexviz.errors import Cancelled
 from flexviz.importing.comparison import Comparison, LoadedTable
 from flexviz.importing.cross_checks import check_optional_columns
@@ -100,7 +102,8 @@ def plausibility_warnings(
             raise Cancelled
 
     try:
-        issues = issues_of_set(measurements, watch=watch)
+        with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+            issues = issues_of_set(measurements, watch=watch)
     except Cancelled:
         return []
     return [f"{file}: {issue}" for issue in issues if issue.severity == "wrong"]
