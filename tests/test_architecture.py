@@ -35,6 +35,7 @@ LAYERS = (
         "resources",
         "progress",
         "fourier",
+        "nonnegative",
         "jobs",
         "parallel",
         "recent",

@@ -97,7 +97,7 @@ def diagnose(
             from flexviz.importing import plausibility_warnings
             from flexviz.measurements import read_set
         measurements = read_set(measurement_set)
-        for text in plausibility_warnings(measurements):
+        for text in plausibility_warnings(measurements, report, should_stop):
             log.warning("%s", text)
         result = search(
             measurements,
@@ -156,7 +156,7 @@ def record(
     terminal.check_output_file(out, ".rrd", named=True)
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
         settings = options.settings()
-        measurements = read_selected(measurement_set, settings)
+        measurements = read_selected(measurement_set, settings, report, stop)
         done = record_analysis(
             measurements, out, settings, add_missing=diagnose, progress=report, should_stop=stop
         )

@@ -174,7 +174,9 @@ def with_shared_options(command: Callable[..., int], own_effects: bool = True) -
     return run
 
 
-def read_selected(path: Path, settings: FitSettings) -> MeasurementSet:
+def read_selected(
+    path: Path, settings: FitSettings, report: Reporter, should_stop: Callable[[], bool]
+) -> MeasurementSet:
     """Read a measurement set and check the settings against it."""
     from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
@@ -193,7 +195,7 @@ def read_selected(path: Path, settings: FitSettings) -> MeasurementSet:
         raise InputError(
             f"--bandwidth has {len(bandwidth)} numbers; {where} has {len(joints)} joints: {', '.join(joints)}"
         )
-    return with_plausibility_warnings(measurements)
+    return with_plausibility_warnings(measurements, report, should_stop)
 
 
 def run_identification(
@@ -204,7 +206,7 @@ def run_identification(
         from flexviz.identification import identify
 
     settings = options.settings()  # refuses a wrong name before long files are read
-    measurements = read_selected(path, settings)
+    measurements = read_selected(path, settings, report, should_stop)
     return measurements, identify(measurements, settings, progress=report, should_stop=should_stop)
 
 

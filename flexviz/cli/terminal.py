@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexviz.results import ResultDocument
 
 PIPE_WIDTH = 160  # columns where standard output is not a terminal
-LINE_INTERVAL = 5.0  # [s] between two lines of a stage without a terminal
+LINE_INTERVAL = 2.0  # [s] between two lines of a stage without a terminal
 
 
 def results() -> Console:

@@ -100,6 +100,7 @@ def build_signals(
     strides: Callable[[Segment], int | None] = lambda segment: None,
     drop: tuple[float, float] | None = None,
     longest_edge: float = np.inf,
+    watch: Callable[[], None] = lambda: None,
 ) -> Signals:
     """Run the observer over all groups and stack its outputs.
 
@@ -112,13 +113,13 @@ def build_signals(
         exact_step: never refine `sample_step`; otherwise refine it as the observer's bandwidth requires.
         drop: seconds to drop at the start and end of each segment; default: the observer's transients.
         longest_edge: share of the shortest segment that is dropped at either end at most.
+        watch: called before each segment is filtered; may raise to stop.
 
     Raises:
         InputError: if no samples are left after the transients.
     """
     shortest = min((float(np.ptp(s.time)) for g in groups for s in g.segments), default=0.0)
-    wanted = observer.settling() if drop is None else drop
-    start, end = (min(seconds, longest_edge * shortest) for seconds in wanted)
+    start, end = (min(seconds, longest_edge * shortest) for seconds in drop or observer.settling())
     delay = measurements.torque_hold / 2
     blocks: list[Block] = []
     times, thetas, taus, row = [], [], [], 0
@@ -127,9 +128,9 @@ def build_signals(
             stride = strides(segment) or equation_stride(segment, observer, sample_step, exact_step)
             time = segment.time[::stride]
             keep = (time >= time[0] + start - 1e-9) & (time <= segment.time[-1] - end + 1e-9)
-            count = np.count_nonzero(keep)
-            if count < MIN_SAMPLES:
+            if (count := np.count_nonzero(keep)) < MIN_SAMPLES:
                 continue
+            watch()
             theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)
             tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)
             times.append(time[keep])
@@ -139,10 +140,9 @@ def build_signals(
             row += count
     if not blocks:
         raise _nothing_left(groups, observer, start + end)
-    payload = [measurements.robot.payload_parameters(g.bodies) for g in groups]
     return Signals(
         groups=tuple(groups),
-        payload=np.array(payload).reshape(-1, len(measurements.joints), 10),
+        payload=_payloads(measurements, groups),
         blocks=tuple(blocks),
         time=np.concatenate(times),
         theta=np.concatenate(thetas, axis=1),
@@ -150,6 +150,12 @@ def build_signals(
         observer=observer,
         torque_hold=measurements.torque_hold,
     )
+
+
+def _payloads(measurements: MeasurementSet, groups: Sequence[Group]) -> Array:
+    """The known payload's inertial parameters of each group, shape (G, n, 10)."""
+    payload = [measurements.robot.payload_parameters(g.bodies) for g in groups]
+    return np.array(payload).reshape(-1, len(measurements.joints), 10)
 
 
 def _nothing_left(groups: Sequence[Group], observer: Observer, transients: float) -> InputError:

@@ -6,7 +6,7 @@ Such a sensor sees the transmission torque s itself, so that τ shows neither mo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,6 +16,7 @@ from flexviz.equation.link import LinkDynamics
 from flexviz.equation.signals import Signals, build_signals
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
+from flexviz.nonnegative import nonnegative_least_squares
 from flexviz.observers import ButterworthZeroPhase
 
 BAND = 5.0  # [Hz] of the comparison: below the resonances of nearly all arms
@@ -80,27 +81,38 @@ def torque_evidence(measurements: MeasurementSet) -> TorqueEvidence:
 def _compared(measurements: MeasurementSet, signals: Signals) -> TorqueEvidence:
     q, v, a = signals.theta[:3]
     count, n = q.shape
-    link, cad = LinkDynamics(measurements.robot), measurements.robot.cad_parameters.ravel()
+    link = LinkDynamics(measurements.robot)
     regressor = link.regressor(q, v, a)
     torque = signals.tau[0].copy()
     for block in signals.blocks:
         torque[block.rows] -= regressor[block.rows] @ signals.payload[block.group].ravel()
     still, speed = np.zeros_like(q), np.sqrt(np.mean(v**2, axis=0)) + 1e-12
-    at_rest = link.regressor(q, still, still)
     # typical inertia that a joint moves, of the CAD model [kg m²]
-    moved = [np.mean(((link.regressor(q, still, still + one) - at_rest) @ cad)[:, j])
-             for j, one in enumerate(np.eye(n))]  # fmt: skip
-    free = np.zeros((count, n, 13 * n))
-    free[:, :, : 10 * n] = regressor
-    inertia = np.zeros((count, n, n))
-    for j in range(n):
-        own = np.stack([np.tanh(v[:, j] / (0.02 * speed[j])), v[:, j], np.ones(count)], axis=1)
-        free[:, j, 10 * n + 3 * j : 10 * n + 3 * j + 3] = own
-        inertia[:, j, j] = a[:, j]
-    least = LEAST_MOTOR * np.array(moved, float)
+    cad = [(slice(0, count), measurements.robot.cad_parameters)]
+    moved = link.evaluate(cad, q, still, still).mass.mean(axis=0).diagonal()
+    least = LEAST_MOTOR * moved
     used = [j for j, joint in enumerate(measurements.joints) if joint not in measurements.no_torque]
-    found = _decided(torque[:, used], free[:, used], inertia[:, used], least, signals.tau[0].std(axis=0))
+    rows = [_rows(j, n, regressor[:, j], v[:, j] / speed[j], a[:, j], torque[:, j]) for j in used]
+    found = _decided(rows, count, least, signals.tau[0].std(axis=0))
     return TorqueEvidence(found.gain, float(np.median(found.dry[used])))
+
+
+def _rows(j: int, n: int, regressor: Array, speed: Array, acceleration: Array, torque: Array) -> Array:
+    """Equations of joint j: columns of Γ, of friction and offset, of B, and τ, shape (≤ N, 14 n + 1).
+
+    Of its N samples, R of their QR decomposition: the same sums of squares in a few rows. Dry friction is
+    the first of a joint's three columns; `speed` is relative to its root mean square.
+    """
+    own = 10 * n + 3 * j + np.arange(3)
+    places = np.r_[np.arange(10 * n), own, 13 * n + j, 14 * n]
+    columns = [np.tanh(speed / 0.02), speed, np.ones_like(speed), acceleration, torque]
+    matrix = np.column_stack([regressor, *columns])
+    seen = matrix.any(axis=0)  # a joint moves only the bodies behind it
+    seen[-1] = True
+    r: Any = np.linalg.qr(matrix[:, seen], mode="r")
+    out = np.zeros((len(r), 14 * n + 1))
+    out[:, places[seen]] = r
+    return out
 
 
 class _Decided(NamedTuple):
@@ -110,19 +122,15 @@ class _Decided(NamedTuple):
     dry: Array
 
 
-def _decided(torque: Array, free: Array, inertia: Array, least: Array, spread: Array) -> _Decided:
-    """The evidence from τ (N, m), free columns (N, m, P), columns of B (N, m, n) and the least B (n,).
-
-    Of the n joints, m have a torque.
-    """
-    from scipy.optimize import lsq_linear
-
+def _decided(rows: list[Array], count: int, least: Array, spread: Array) -> _Decided:
+    """The evidence from the `_rows` of m joints, each of `count` samples, and the least B (n,)."""
     n = len(least)
-    sigma = np.sqrt(np.mean(torque**2, axis=0)) + 1e-12
+    ends = np.cumsum([len(part) for part in rows])[:-1]
+    sigma = [float(np.linalg.norm(part[:, -1])) / np.sqrt(count) + 1e-12 for part in rows]
     unexplained = motors = coefficients = np.zeros(0)
     for _ in range(REWEIGHTINGS):
-        columns, motors = ((x / sigma[:, None]).reshape(torque.size, -1) for x in (free, inertia))
-        target = (torque / sigma).ravel()
+        whole = np.concatenate([part / size for part, size in zip(rows, sigma, strict=True)])
+        columns, motors, target = whole[:, : 13 * n], whole[:, 13 * n : -1], whole[:, -1]
         scale = np.linalg.norm(columns, axis=0)
         left, size, right = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
         shown = size > DEPENDENT * size[0]
@@ -131,8 +139,11 @@ def _decided(torque: Array, free: Array, inertia: Array, least: Array, spread: A
         motors = motors - left @ (left.T @ motors)
         coefficients = right[shown].T @ ((left.T @ target) / size[shown]) / np.where(scale > 0, scale, 1.0)
         found = np.linalg.lstsq(motors, unexplained, rcond=DEPENDENT)[0]
-        residual = (unexplained - motors @ found).reshape(torque.shape)
-        sigma = sigma * np.sqrt(np.mean(residual**2, axis=0)) + 1e-12
-    with_motors = lsq_linear(motors, unexplained, bounds=(least, np.inf)).cost
-    dry = np.abs(coefficients[-3 * n :: 3]) / np.maximum(spread, 1e-12)
-    return _Decided(float(with_motors - 0.5 * np.sum(unexplained**2)), dry)
+        parts = np.split(unexplained - motors @ found, ends)
+        sigma = [
+            one * float(np.linalg.norm(part)) / np.sqrt(count) + 1e-12
+            for one, part in zip(sigma, parts, strict=True)
+        ]
+    with_motors = nonnegative_least_squares(motors, unexplained - motors @ least)[1]
+    dry = np.abs(coefficients[10 * n :: 3]) / np.maximum(spread, 1e-12)
+    return _Decided(float(0.5 * (with_motors**2 - np.sum(unexplained**2))), dry)

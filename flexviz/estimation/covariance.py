@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.arrays import Array, Bools
 from flexviz.estimation.linear_algebra import scaled_inverse
-from flexviz.fourier import line_counts
+from flexviz.fourier import fast_length, line_counts
 
 SMOOTHED_BANDS = 24  # spectra are averaged over 1/24 of the band
 
@@ -106,7 +105,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     """
     size = jacobian.shape[2]
     longest = max(r.stop - r.start for r in rows)
-    length = sp.fft.next_fast_len(2 * longest, real=True)
+    length = fast_length(2 * longest)
     spectrum = cross_spectrum(residual, rows, length)
     least = 1e-12 * float(np.trace(spectrum, axis1=1, axis2=2).real.max()) + 1e-300
     total = np.zeros((size, size))

@@ -61,6 +61,7 @@ def gauss_newton(
     reweightings: int = 3,
     max_iterations: int = 60,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
+    watch: Callable[[], None] = lambda: None,
 ) -> Solution:
     """Minimise ½ Σ (r/σ)² + prior over x by Gauss–Newton with the exact Jacobian.
 
@@ -77,6 +78,8 @@ def gauss_newton(
         reweightings: number of estimates of σ; `STATE_REWEIGHTINGS` more for effects with a state.
         max_iterations: over all reweightings.
         report: called with x, cost and step length; may raise `Stopped`.
+        watch: called before every evaluation of the equation, of which a step may need several; may raise
+            `Stopped`.
 
     Returns:
         the solution; `converged` is False if the iterations ran out or the user stopped the fit.
@@ -86,7 +89,7 @@ def gauss_newton(
         if np.isfinite(descent.came):
             report(descent.place.x, descent.place.objective, descent.came)
 
-    problem = PlainProblem(equation, prior)
+    problem = PlainProblem(equation, prior, watch)
     start = problem.start(x, equation.at(x, after))
     reach = Reach(bounds, prior.feasible, equation.layout.compliance, (STIFFER, np.inf))
     descent = Descent(problem, reach, start, damped=True, accelerated=True, watch=tell)
@@ -111,8 +114,8 @@ def gauss_newton(
 class PlainProblem:
     """½ Σ (r/σ)² + prior at fixed weights 1/σ, a `Problem` of `Descent`."""
 
-    def __init__(self, equation: Equation, prior: Prior) -> None:
-        self.equation, self.prior = equation, prior
+    def __init__(self, equation: Equation, prior: Prior, watch: Callable[[], None]) -> None:
+        self.equation, self.prior, self._watch = equation, prior, watch
 
     def start(self, x: Array, point: OperatingPoint) -> Solution:
         """The state at x, shape (P,), weighted by its own residual."""
@@ -122,6 +125,7 @@ class PlainProblem:
 
     def at(self, x: Array, before: Solution) -> Solution:
         """The state at x, shape (P,), with the weights of another."""
+        self._watch()
         now = before.point.evaluate(x)
         return replace(
             before, x=x, evaluation=now, objective=weighted_cost(now, before.weights, self.prior, x)

@@ -25,6 +25,7 @@ from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation.covariance import Covariance
+from flexviz.estimation.least_squares import Stopped
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, score, weighted_guesses
 from flexviz.statistics import NORMAL_95, student_95
 
@@ -95,14 +96,20 @@ def with_model_error(
         chance: from the noise or the residual's spectra, one per fit.
         fits: of one model at one point, that hold different parameters at their bounds.
         excess: shape (n,), mean square of each joint's weighted residual above that of the noise.
+
+    Returns:
+        one per fit; that of chance alone if the user stops it.
     """
     if not excess.any():
         return list(chance)
     one, moves = fits[0], [_Moves(fit) for fit in fits]
-    for effect, columns in weighted_guesses(one.point, one.chain, one.lacking, one.weigh):
-        unit = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-        for each in moves:
-            each.add(effect, unit)
+    try:
+        for effect, columns in weighted_guesses(one.point, one.chain, one.lacking, one.weigh):
+            unit = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+            for each in moves:
+                each.add(effect, unit)
+    except Stopped:
+        return list(chance)
     return [each.widened(covariance, excess) for each, covariance in zip(moves, chance, strict=True)]
 
 

@@ -7,7 +7,7 @@ effect, and of its joint's compliance and link viscous friction, come from the w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -90,6 +90,7 @@ class TwoBandData:
         blocks: stretches of samples.
         noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
         noise_model: noise model of the weighting.
+        watch: called now and then while signals, whiteners and covariances are computed; may raise to stop.
     """
 
     def __init__(
@@ -98,7 +99,9 @@ class TwoBandData:
         groups: Sequence[Group],
         layout: Layout,
         settings: WeightingSettings = REFINING,
+        watch: Callable[[], None] = lambda: None,
     ) -> None:
+        self.watch = watch
         raw = max(s.step for g in groups for s in g.segments)
         wide_hertz = min(settings.hertz, 0.45 / (FlatZeroPhase.ratio * raw))
         wide = FlatZeroPhase(2 * np.pi * wide_hertz)
@@ -108,7 +111,13 @@ class TwoBandData:
 
         made = (
             build_signals(
-                measurements, groups, observer, sample_step=step, exact_step=True, drop=(edge, edge)
+                measurements,
+                groups,
+                observer,
+                sample_step=step,
+                exact_step=True,
+                drop=(edge, edge),
+                watch=watch,
             )
             for observer in (wide, narrow)
         )
@@ -194,7 +203,7 @@ class TwoBandData:
         inputs = [] if model.unknown_input is None else [model.unknown_input.path(self.layout, x, link)]
         out = []
         for block, kernels in zip(self.blocks, self._kernels([*paths, *inputs]), strict=True):
-            cov = paths_covariance(paths, kernels[: len(paths)], self.noise, block.rows)
+            cov = paths_covariance(paths, kernels[: len(paths)], self.noise, block.rows, self.watch)
             size, ridge = np.trace(cov[0].mean(axis=0)) / self.layout.n, model.ridge
             cov[0] += np.diag(1e-9 * size + model.model_error + UNUSED * size * ~self.layout.fitted)
             if model.unknown_input is not None:
@@ -206,7 +215,7 @@ class TwoBandData:
                 # the ridge is a share of the noise without the input
                 cov[0] += max(ridge, INPUT_RIDGE * kept) * size * np.eye(self.layout.n)
                 ridge = 0.0
-            out.append(whitener(cov, model.every, ridge))
+            out.append(whitener(cov, model.every, ridge, self.watch))
         return out
 
     def joint_whiteners(self, paths: Sequence[NoisePath]) -> list[list[Whitener]]:
@@ -244,6 +253,7 @@ class TwoBandData:
             derivatives = into_z.derivatives, into_r.derivatives
             observers = wide if np.isin(parameters, self.wide_columns).all() else narrow, wide
             for mean, block, w in zip(out, self.blocks, seen, strict=True):
+                self.watch()
                 raw, rows = block.segment.step, block.rows
                 kernel = shared_kernel(observers, raw * block.stride, raw, derivatives, len(w.weights) - 1)
                 shared = shared_noise(w, into_z.rows(rows), into_r.rows(rows), kernel)
@@ -284,6 +294,7 @@ class TwoBandData:
             weights = weighting.transposed(z[rows])
             steps = (raw * block.stride, raw)
             for path in paths:
+                self.watch()
                 variance, here = path.variance(self.noise), path.rows(rows)
                 total += noise_score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
             scaled = (weights * deviation[:, None]).reshape(-1, self.layout.size)

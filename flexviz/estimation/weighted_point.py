@@ -157,6 +157,7 @@ class Point:
 
     def weigh(self, columns: Array, block: int) -> Array:
         """Columns of a block, shape (m, n, k), weighted like the residual, shape (m n, k)."""
+        self.two_band.watch()
         out = self.weightings[block].apply(columns)
         out[~self.used[self.rows[block]]] = 0.0
         return out.reshape(-1, columns.shape[2])

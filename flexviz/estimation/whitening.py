@@ -12,7 +12,7 @@ banded approximation of the inverse Cholesky factor; Vecchia, J. R. Stat. Soc. B
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from flexviz._scipy import sp
 from flexviz.arrays import Array, Indices
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
-from flexviz.fourier import line_counts
+from flexviz.fourier import fast_length, line_counts
 from flexviz.observers import Observer
 
 CHUNK = 150  # samples whitened at a time: they stay in the processor's cache
+TOGETHER = 5e5  # numbers of the covariances that are solved at a time
 
 
 @dataclass(frozen=True)
@@ -164,13 +165,16 @@ def shared_kernel(
     return out
 
 
-def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
+def lagged_covariance(
+    sensitivity: Array, kernel: Array, variance: Array, watch: Callable[[], None] = lambda: None
+) -> Array:
     """Cov(r_t, r_{t−k}) for k = 0 … p from one noise source.
 
     Args:
         sensitivity: shape (D, N, n, m).
         kernel: shape (p + 1, D, D).
         variance: shape (m,), of the raw samples.
+        watch: called at every lag; may raise to stop.
 
     Returns:
         shape (p + 1, N, n, n); entries with t < k are zero.
@@ -182,13 +186,18 @@ def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Arr
     pairs = n, *along.shape  # of the joints of r_t and r_{t−k}
     wide = np.broadcast_to((along * variance[:, None])[:, None], pairs)
     for k, rho in enumerate(kernel[:count]):
+        watch()
         earlier = np.broadcast_to((rho @ along.reshape(n, depth, -1)).reshape(along.shape), pairs)
         out[k, k:] = np.einsum("abdmt,abdmt->tab", wide[..., k:], earlier[..., : count - k])
     return out
 
 
 def paths_covariance(
-    paths: Sequence[NoisePath], kernels: Sequence[Array], noise: tuple[Array, Array], rows: slice
+    paths: Sequence[NoisePath],
+    kernels: Sequence[Array],
+    noise: tuple[Array, Array],
+    rows: slice,
+    watch: Callable[[], None] = lambda: None,
 ) -> Array:
     """Cov(r_t, r_{t−k}) for k = 0 … p from all of the noise, shape (p + 1, N, n, n).
 
@@ -197,10 +206,11 @@ def paths_covariance(
         kernels: of each, shape (p + 1, D, D).
         noise: standard deviations of θ and τ per raw sample, shape (n,) each.
         rows: the N samples.
+        watch: as of `lagged_covariance`.
     """
     total: Array | None = None
     for path, kernel in zip(paths, kernels, strict=True):
-        part = lagged_covariance(path.matrices[:, rows], kernel, path.variance(noise))
+        part = lagged_covariance(path.matrices[:, rows], kernel, path.variance(noise), watch)
         total = part if total is None else np.add(total, part, out=total)
     assert total is not None
     return total
@@ -230,7 +240,7 @@ def noise_score_covariance(
     Returns:
         shape (P, P).
     """
-    length = sp.fft.next_fast_len(2 * len(weights), real=True)
+    length = fast_length(2 * len(weights))
     omega = np.arange(length // 2 + 1, dtype=float) * (2 * np.pi / (length * joint_step))
     share = line_counts(length)
     if length % 2 == 0:
@@ -245,7 +255,9 @@ def noise_score_covariance(
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 
-def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
+def whitener(
+    covariance: Array, every: int = 1, ridge: float = 0.0, watch: Callable[[], None] = lambda: None
+) -> Whitener:
     """Whitener from the covariance of the residual.
 
     Args:
@@ -255,6 +267,7 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
         ridge: share of the variance added to that of the preceding samples. Without it, the predictor
             amplifies the stop band of the filter, where a sharp reversal leaves more than noise. Unit
             variance stays exact.
+        watch: called now and then; may raise to stop.
     """
     order, count, n = len(covariance) - 1, covariance.shape[1], covariance.shape[2]
     every = min(every, max(1, (count - order - 1) // 2))
@@ -263,8 +276,9 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
     at = np.concatenate([begun, later])
     weights = np.empty((len(at), order, n, n))
     scale = np.empty((len(at), n, n))
-    chunk = max(1, int(4e6 / (order * n) ** 2))
+    chunk = max(1, int(TOGETHER / (order * n) ** 2))
     for start in range(0, len(at), chunk):
+        watch()
         part = slice(start, min(start + chunk, len(at)))
         weights[part], scale[part] = _predict(covariance, at[part], ridge)
     return Whitener(at, np.ascontiguousarray(weights.transpose(1, 0, 2, 3)), scale)

@@ -126,7 +126,7 @@ class Estimator:
                 sigma, least = self.judged(motion)
         errs = sigma > (1 + MOTION.noise_known) * least
         if not errs.any() or (layout.has_reversals and np.all(sigma < FAR * least)):
-            refined = self.refined(layout, motion.x, errs, least, report)
+            refined = self.refined(layout, motion.x, errs, least, check, report)
             if refined is not None:
                 return refined
         return self.in_motion(layout, motion, check)
@@ -145,10 +145,11 @@ class Estimator:
         x: Array,
         errs: Bools,
         least: Array,
+        check: Callable[[], None],
         report: Callable[[Array, float, float], None],
     ) -> Estimate | None:
         """The refined model; None if it does not converge, or errs by more than counts."""
-        two_band = TwoBandData(self.measurements, self.groups, layout)
+        two_band = TwoBandData(self.measurements, self.groups, layout, watch=check)
         start = start_values(self.measurements, two_band.narrow)
         try:
             found = refine(two_band, start.prior, start.bounds, start.bounds.clip(x), report=report)

@@ -18,6 +18,9 @@ def likely_move(measurements: MeasurementSet, plain: PlainFit) -> Array:
 
     A missing effect may move a stiffness several times as far as its derivative says, so the larger model is
     fitted. Zero where noise explains the residual, or if the larger model describes the data no better.
+
+    Raises:
+        Stopped: by the user.
     """
     layout, solution = plain.equation.layout, plain.solution
     none = np.zeros(layout.size)
@@ -31,7 +34,8 @@ def likely_move(measurements: MeasurementSet, plain: PlainFit) -> Array:
         x[larger.effect_slice(one.effect)] = one.values
     equation = Equation(measurements.robot, plain.equation.signals, larger)
     start = start_values(measurements, equation)
-    end = gauss_newton(equation, start.prior, start.bounds, start.bounds.clip(x), max_iterations=STEPS)
+    x = start.bounds.clip(x)
+    end = gauss_newton(equation, start.prior, start.bounds, x, watch=plain.watch, max_iterations=STEPS)
     if end.evaluation.residual.var(axis=0).prod() >= solution.evaluation.residual.var(axis=0).prod():
         return none
     return layout.vector(larger.model(end.x)) - solution.x

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Unpack
 
@@ -74,9 +75,9 @@ def identify(
     chosen = fit_settings(settings, **options)
     fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))
-    layout = _layout(measurements, fitted, chosen.effects)
-    report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+        layout = _layout(measurements, fitted, chosen.effects)
+        report = StepReporter(layout, progress, should_stop)
         plain = plain_fit(measurements, fitted, chosen, report, model)
         outcome, move = _plain_outcome(plain), np.zeros(layout.size)
         if model is not None:
@@ -84,10 +85,12 @@ def identify(
         elif chosen.refine and not report.stopped:
             outcome = _estimated_outcome(measurements, fitted, plain, outcome, report)
         if model is None and not report.stopped and not outcome.explained:
-            move = likely_move(measurements, plain)
+            with suppress(Stopped):
+                move = likely_move(measurements, plain)
+        report.stage = "intervals"
+        known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
         if report.stopped:
             outcome = replace(outcome, converged=False, message=STOPPED)
-        known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
         result = _result(measurements, fitted, plain, outcome, known, report)
     result = replace(result, residual=_with_noise_share(result.residual, noise))
     message = result.message + left_out_text(result, (*fitted, *held_out))
@@ -160,7 +163,7 @@ def _estimated_outcome(
     try:
         report.check()
         found = Estimator(measurements, groups).estimate(
-            report.layout, outcome.x, check=report.check, report=report
+            report.layout, outcome.x, check=report.watch, report=report
         )
     except Stopped:
         return outcome

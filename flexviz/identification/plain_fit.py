@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -46,6 +47,7 @@ class StepReporter:
         progress: called with each step.
         should_stop: asked after each step.
         stage: what the solver is doing.
+        interval: time without a step after which `watch` reports the stage [s].
         iterations: the steps so far.
         stopped: the solver was asked to stop.
     """
@@ -54,16 +56,25 @@ class StepReporter:
     progress: ProgressCallback | None
     should_stop: StopCallback | None
     stage: str = ""
+    interval: float = 0.5
     iterations: list[Iteration] = field(default_factory=list)
     stopped: bool = False
 
     def __post_init__(self) -> None:
         self.names = tuple(self.layout.labels())
+        self._told = time.monotonic()
 
     def check(self) -> None:
         if self.should_stop is not None and self.should_stop():
             self.stopped = True
             raise Stopped
+
+    def watch(self) -> None:
+        """Called as often as possible between two steps: of many joints, one takes seconds."""
+        self.check()
+        if self.progress is not None and time.monotonic() - self._told >= self.interval:
+            self._told = time.monotonic()
+            self.progress(Progress(self.stage))
 
     def __call__(self, x: Array, cost: float, step: float) -> None:
         values = x.copy()
@@ -71,6 +82,7 @@ class StepReporter:
         iteration = Iteration(len(self.iterations), self.stage, cost, step, values, self.names)
         self.iterations.append(iteration)
         if self.progress is not None:
+            self._told = time.monotonic()
             self.progress(Progress(self.stage, iteration=iteration))
         self.check()
 
@@ -84,12 +96,14 @@ class PlainFit:
         equation: on its signals.
         start: where the solver began, with prior and bounds.
         solution: where it ended.
+        watch: called while intervals are computed; may raise to stop.
     """
 
     observer: Observer
     equation: Equation
     start: Start
     solution: Solution
+    watch: Callable[[], None] = lambda: None
 
     @property
     def size(self) -> float:
@@ -139,6 +153,7 @@ class PlainFit:
 
     def _weigh(self, columns: Array, block: int) -> Array:
         """Columns of a block, shape (m, n, k), weighted like the residual, shape (m n, k)."""
+        self.watch()
         rows = self.equation.signals.blocks[block].rows
         return (columns * self.solution.weights[rows][:, :, None]).reshape(-1, columns.shape[2])
 
@@ -205,7 +220,14 @@ def _attempt(
         near = bounds.clip(searched_start(measurements, equation))
     x = start.x if near is None else bounds.clip(near)
     solution = last = gauss_newton(
-        equation, prior, bounds, x, after=start.point, report=report, max_iterations=max_iterations
+        equation,
+        prior,
+        bounds,
+        x,
+        after=start.point,
+        report=report,
+        watch=report.watch,
+        max_iterations=max_iterations,
     )
     for factor in STIFFNESS_FACTORS:
         if solution.converged or report.stopped:
@@ -216,8 +238,15 @@ def _attempt(
         x[layout.compliance] /= factor
         report.stage = f"fit from {factor:g} times the stiffness"
         last = gauss_newton(
-            equation, prior, bounds, x, after=last.point, report=report, max_iterations=max_iterations
+            equation,
+            prior,
+            bounds,
+            x,
+            after=last.point,
+            report=report,
+            watch=report.watch,
+            max_iterations=max_iterations,
         )
         if last.converged or last.evaluation.residual.var() < solution.evaluation.residual.var():
             solution = last
-    return PlainFit(observer, equation, start, solution)
+    return PlainFit(observer, equation, start, solution, report.watch)

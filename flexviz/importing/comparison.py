@@ -14,7 +14,7 @@ columns can be compared by their scores, whatever they change.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from flexviz._pinocchio import pin
-from flexviz._scipy import sp
 from flexviz.errors import InputError
 from flexviz.importing.cross_checks import followed, joint_parts
 from flexviz.importing.joint_fit import (
@@ -31,7 +30,6 @@ from flexviz.importing.joint_fit import (
     Band,
     JointFit,
     fit_joint,
-    least_left,
     reduced,
     swings_of,
 )
@@ -76,10 +74,16 @@ class Reading:
 
 
 class Comparison:
-    """The motion of all groups at a few instants, and the scores of its readings."""
+    """The motion of all groups at a few instants, and the scores of its readings.
 
-    def __init__(self, robot: Robot, groups: Sequence[LoadedTable]) -> None:
+    `watch` is called before each reading; it may raise to stop.
+    """
+
+    def __init__(
+        self, robot: Robot, groups: Sequence[LoadedTable], watch: Callable[[], None] = lambda: None
+    ) -> None:
         self.robot, n = robot, robot.n
+        self._watch = watch
         self.bodies = [bodies for bodies, _ in groups]
         self.names = [table.name for _, table in groups]
         motions = [sample_motion(table.time, table.theta, table.tau) for _, table in groups]
@@ -106,6 +110,7 @@ class Comparison:
         self._models: dict[int | None, Any] = {}
         self._rigid: dict[tuple[object, ...], Array] = {}
         self._r: dict[int, list[Band]] = {}
+        self._fits: dict[tuple[int, int, int, bool], JointFit] = {}
         self.seconds = sum(self.lasts)
         slow = [self.slow @ (self.slow.T @ column) for column in np.concatenate(self.torque).T]
         self.swings = [
@@ -124,24 +129,34 @@ class Comparison:
 
     def fits(self, reading: Reading) -> list[JointFit]:
         """The fit of every joint."""
-        return [
-            fit_joint(bands, self.swings[reading.tau_order[j]], self.inertia[j], reading.free[j])
-            for j, bands in enumerate(self._reduced(reading))
-        ]
+        return [self._fit(j, bands, reading) for j, bands in enumerate(self._reduced(reading))]
+
+    def _fit(self, j: int, bands: list[Band], reading: Reading) -> JointFit:
+        column, free = reading.tau_order[j], bool(reading.free[j])
+        key = j, id(bands), column, free  # `_r` keeps the bands
+        if key not in self._fits:
+            self._fits[key] = fit_joint(bands, self.swings[column], self.inertia[j], free)
+        return self._fits[key]
 
     @cached_property
     def slow(self) -> Array:
         """(M, k) orthonormal cosines of the frequencies at which a joint is rigid, group by group."""
-        blocks = []
-        for rows, seconds in zip(map(len, self.q), self.lasts, strict=True):
-            waves = np.arange(min(1 + int(2 * LIMITS.rigid_below * seconds), rows))
-            block = np.cos(np.pi * waves * (np.arange(rows)[:, None] + 0.5) / rows)
-            blocks.append(block / np.linalg.norm(block, axis=0))
-        basis: Array = sp.linalg.block_diag(*blocks)
+        lengths = [len(q) for q in self.q]
+        counts = [
+            min(1 + int(2 * LIMITS.rigid_below * seconds), rows)
+            for rows, seconds in zip(lengths, self.lasts, strict=True)
+        ]
+        basis = np.zeros((sum(lengths), sum(counts)))
+        row = column = 0
+        for rows, waves in zip(lengths, counts, strict=True):
+            block = np.cos(np.pi * np.arange(waves) * (np.arange(rows)[:, None] + 0.5) / rows)
+            basis[row : row + rows, column : column + waves] = block / np.linalg.norm(block, axis=0)
+            row, column = row + rows, column + waves
         return basis
 
     def _reduced(self, reading: Reading) -> list[list[Band]]:
         """Of each joint: what its torque is explained by, in two bands; nothing where it rests."""
+        self._watch()
         parts, (_, v, a) = self._parts(reading), self._motion(reading)
         tau = np.concatenate(self.torque)[:, reading.tau_order] * reading.sign * reading.size
         acting = np.eye(self.robot.n)  # of motors (rows) on joints
@@ -169,13 +184,13 @@ class Comparison:
             (self._few if few else self)._reduced(reading), reading.tau_order, strict=True
         ):
             for band, swings in zip(bands, self.swings[column], strict=False):
-                total -= 0.5 * swings * np.log(least_left(band.r) + LIMITS.model_error)
+                total -= 0.5 * swings * np.log(band.least_left + LIMITS.model_error)
         return float(total)
 
     @cached_property
     def _few(self) -> Comparison:
         few = copy(self)
-        few._rigid, few._r = {}, {}
+        few._rigid, few._r, few._fits = {}, {}, {}
         few.__dict__.pop("slow", None)
         for name in ("q", "v", "a", "torque"):
             setattr(few, name, [x[::FEWER] for x in getattr(self, name)])

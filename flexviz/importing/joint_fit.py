@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array
+from flexviz.nonnegative import nonnegative_least_squares
 
 STEPS = 6  # of the fit
 REVERSALS = 10.0, 100.0  # how steep friction reverses, per largest speed
@@ -35,6 +36,13 @@ class Band:
     r: Array  # (≤ P + 1, P + 1) R of the columns and of τ, which has unit length
     power: float  # of τ [(Nm)²], summed over the instants
 
+    @cached_property
+    def least_left(self) -> float:
+        """The share of τ that no masses, inertia and friction explain, if they are not negative."""
+        columns = self.r[:, :-1]
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+        return nonnegative_least_squares(columns / size, self.r[:, -1])[1] ** 2
+
 
 def reduced(masses: Array, a: Array, speeds: Array, tau: Array, slow: Array) -> list[Band]:
     """The joint's columns at low and at high frequencies; nothing of a joint at rest.
@@ -56,13 +64,6 @@ def reduced(masses: Array, a: Array, speeds: Array, tau: Array, slow: Array) -> 
         r: Any = np.linalg.qr(rows / np.sqrt(power), mode="r")
         bands.append(Band(r, power))
     return bands
-
-
-def least_left(r: Array) -> float:
-    """The share of τ that no masses, inertia and friction explain, if they are not negative."""
-    columns = r[:, :-1]
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-    return float(sp.optimize.nnls(columns / size, r[:, -1])[1]) ** 2
 
 
 def fit_joint(bands: list[Band], swings: Array, inertia: float, free: bool) -> JointFit:
@@ -88,7 +89,7 @@ def fit_joint(bands: list[Band], swings: Array, inertia: float, free: bool) -> J
     if free:
         both = np.column_stack([masses.sum(axis=1), others])
         sizes = np.maximum(np.linalg.norm(both, axis=0), 1e-12)
-        scale = max(float(sp.optimize.nnls(both / sizes, y)[0][0] / sizes[0]), SMALLEST_SCALE)
+        scale = max(float(nonnegative_least_squares(both / sizes, y)[0][0] / sizes[0]), SMALLEST_SCALE)
     u, x, left = np.zeros(3), np.zeros(count), np.ones(len(bands))
     largest = max(LIMITS.motor_inertia * inertia * scale * size[0], 1e-12)
     system, goal = np.zeros((len(y) + 4, 3 + count)), np.zeros(len(y) + 4)
@@ -99,7 +100,7 @@ def fit_joint(bands: list[Band], swings: Array, inertia: float, free: bool) -> J
         goal[: len(y)] = weight * y
         system[len(y) + places, places] = 1.0 / np.append(spread, largest)
         goal[len(y) : -1] = (1.0 - u) / spread
-        found = sp.optimize.nnls(system, goal)[0]  # s is multiplied by 1 + the step of ln s
+        found = nonnegative_least_squares(system, goal)[0]  # s is multiplied by 1 + the step of ln s
         step, x = np.minimum(found[:3] - 1.0, 1.0), found[3:]
         u = np.clip(u + step, -6.0, 6.0)
         rest = np.square(masses @ np.exp(u) * scale + others @ x - y)

@@ -3,31 +3,41 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
+from flexviz.errors import Cancelled
 from flexviz.importing.comparison import Comparison, LoadedTable
 from flexviz.importing.cross_checks import check_optional_columns
 from flexviz.importing.doubts import check_torques
 from flexviz.importing.mapping import Issue, Mapping, parse
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import GroupTable, MeasurementSet
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 
 log = logging.getLogger(__name__)
+COMPARING = "comparing the torques with the robot's masses"
 
 
 def check_groups(
-    mapping: Mapping, robot: Robot, groups: Sequence[LoadedTable], guessed: bool = False
+    mapping: Mapping,
+    robot: Robot,
+    groups: Sequence[LoadedTable],
+    guessed: bool = False,
+    watch: Callable[[], None] = lambda: None,
 ) -> list[Issue]:
     """Units, signs, zero positions and mix-ups that the data contradict.
 
-    `guessed`: the payloads are not known yet, so the group that is explained best alone decides.
+    `guessed`: the payloads are not known yet, so the group that is explained best alone decides. `watch` is
+    called before each reading of the columns; it may raise to stop.
     """
-    comparison = Comparison(robot, groups)
+    comparison = Comparison(robot, groups, watch)
     if guessed and len(groups) > 1:
-        comparison = max((Comparison(robot, [group]) for group in groups), key=Comparison.best_score)
+        comparison = max((Comparison(robot, [group], watch) for group in groups), key=Comparison.best_score)
     found = check_torques(mapping, comparison, not guessed)
     known = {(joint, signal) for s in found for joint in s.joints for signal in s.signal.split(" and ")}
     found += [s for s in check_range(mapping, comparison) if (s.joints[0], "theta") not in known]
@@ -64,25 +74,47 @@ def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:
     return found
 
 
-def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
-    """The set with a warning, logged too, for everything that its robot's masses contradict."""
-    texts = plausibility_warnings(measurements)
+def with_plausibility_warnings(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> MeasurementSet:
+    """The set with a warning, logged too, for everything that its robot's masses contradict.
+
+    Of many joints that takes a while: stopped, it finds nothing.
+    """
+    texts = plausibility_warnings(measurements, progress, should_stop)
     for text in texts:
         log.warning("%s", text)
     return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
 
 
-def plausibility_warnings(measurements: MeasurementSet) -> list[str]:
-    """What a set's robot contradicts.
+def plausibility_warnings(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> list[str]:
+    """What a set's robot contradicts; nothing when stopped.
 
     An identification alone would silently fit a torque of the wrong sign or an angle in degrees.
     """
     file = measurements.path / "measurements.toml"
-    issues = issues_of_set(measurements)
+
+    def watch() -> None:
+        progress(Progress(COMPARING))
+        if should_stop():
+            raise Cancelled
+
+    try:
+        with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+            issues = issues_of_set(measurements, watch=watch)
+    except Cancelled:
+        return []
     return [f"{file}: {issue}" for issue in issues if issue.severity == "wrong"]
 
 
-def issues_of_set(measurements: MeasurementSet, keys: dict[str, float] | None = None) -> list[Issue]:
+def issues_of_set(
+    measurements: MeasurementSet,
+    keys: dict[str, float] | None = None,
+    *,
+    watch: Callable[[], None] = lambda: None,
+) -> list[Issue]:
     """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
     # a mapping that takes the set's columns unchanged
     joints = {
@@ -92,4 +124,4 @@ def issues_of_set(measurements: MeasurementSet, keys: dict[str, float] | None = 
     groups = [
         (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
     ]
-    return check_groups(parse(document, Path("mapping")), measurements.robot, groups)
+    return check_groups(parse(document, Path("mapping")), measurements.robot, groups, watch=watch)

@@ -19,6 +19,7 @@ from flexviz.mounting import DIRECTIONS, gravity_text
 WRIST = 3  # last joints, of which neighbours may be coupled
 TRIED_GEARS = 12  # between the smallest and the largest, of θ that no unit explains
 SMALL_ARM = 4  # joints, of which every order is tried
+ARM = 7  # joints, of which all pairs and triples are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ def changes(mapping: Mapping, comparison: Comparison, now: Reading, payloads_kno
         signs(mapping, now),
         theta_units(mapping, comparison, now),
         zeros(mapping, comparison, now),
-        orders(mapping, now),
+        orders(mapping, comparison, now),
         mountings(now, mapping),
         gravity_parts(comparison, now, mapping),
         payloads(comparison, now, mapping) if payloads_known else iter(()),
@@ -148,23 +149,30 @@ def zeros(mapping: Mapping, comparison: Comparison, now: Reading) -> Iterator[Ch
         yield Change("zero", replace(now, zero=zero), (int(j),), "theta", f"offset = {offset:g} rad", (fix,))
 
 
-def orders(mapping: Mapping, now: Reading) -> Iterator[Change]:
+def orders(mapping: Mapping, comparison: Comparison, now: Reading) -> Iterator[Change]:
     """Columns of several joints exchanged: τ alone, or with θ.
 
-    Every order of few joints; of many ones exchanged pairs, three in a circle, all shifted by some, reversed,
-    and in alphabetical order, as joint states often come.
+    Every order of few joints; of more ones exchanged pairs, three in a circle, all shifted by some, reversed,
+    and in alphabetical order, as joint states often come. Of more joints than an arm has, only those that the
+    masses explain badly are exchanged: the triples of a humanoid's 29 joints alone are 7,308 orders.
     """
     n, names = len(mapping.names), mapping.names
-    same = tuple(range(n))
+    same = suspects = tuple(range(n))
+    whole = True
+    if n > ARM:
+        poor = np.array([fit.share < LIMITS.explained for fit in comparison.fits(now)])
+        suspects, whole = tuple(np.flatnonzero(poor).tolist()), 2 * np.count_nonzero(poor) > n
     if n <= SMALL_ARM:
         tried = set(permutations(same))
     else:
-        tried = {same[k:] + same[:k] for k in range(1, n)} | {same[::-1]}
-        alphabetical = tuple(int(i) for i in np.argsort(names))
-        tried |= {alphabetical, tuple(int(i) for i in np.argsort(alphabetical))}
-        for pair in combinations(same, 2):
+        tried = set[tuple[int, ...]]()
+        if whole:
+            tried |= {same[k:] + same[:k] for k in range(1, n)} | {same[::-1]}
+            alphabetical = tuple(int(i) for i in np.argsort(names))
+            tried |= {alphabetical, tuple(int(i) for i in np.argsort(alphabetical))}
+        for pair in combinations(suspects, 2):
             tried.add(moved(same, pair))
-        for triple in combinations(same, 3):
+        for triple in combinations(suspects, 3):
             tried |= {moved(same, triple), moved(same, triple[::-1])}
     for order in sorted(tried - {same}):
         changed = tuple(j for j in same if order[j] != j)

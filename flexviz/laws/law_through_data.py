@@ -18,13 +18,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.arrays import Array, Indices
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, neighbour
 from flexviz.equation import Chain, Equation, Layout, Signals, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import WIDE_HERTZ, noise_density, noise_paths
 from flexviz.fields import Floats
+from flexviz.fourier import fast_length
 from flexviz.laws.bins import Means, binned, path_length, tukey
 from flexviz.laws.variables import LawSamples, LawVariable, variable_of
 from flexviz.measurements import MeasurementSet
@@ -170,7 +170,7 @@ class _Drawing:
         self._weights, self._lines = [], 0.0
         for block in signals.blocks:
             rows, step = block.rows, block.segment.step
-            length = sp.fft.next_fast_len(2 * (rows.stop - rows.start), real=True)
+            length = fast_length(2 * (rows.stop - rows.start))
             hertz: Array = np.arange(length // 2 + 1) / (length * step * block.stride)
             here = [path.rows(rows) for path in paths]
             density = noise_density(here, sensors, observer.transfer, step, hertz)

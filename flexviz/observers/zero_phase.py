@@ -12,8 +12,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.arrays import Array
+from flexviz.fourier import fast_length
 from flexviz.observers.base import Observer
 
 NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
@@ -37,7 +37,7 @@ class _Continued:
         wanted = int(np.ceil(margin / step / stride)) * stride
         pad = min(wanted, (count - 1) // stride * stride)
         self._step, self._stride, self._pad = step, stride, pad
-        self.half = sp.fft.next_fast_len(-(-(count + 2 * pad) // (2 * stride)), real=True)
+        self.half = fast_length(-(-(count + 2 * pad) // (2 * stride)))
         self._values = np.zeros((columns, 2 * self.half * stride))
         self.span = self._values.shape[1] * step
         body = self._values[:, pad : pad + count]
