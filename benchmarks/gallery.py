@@ -27,7 +27,7 @@ from flexviz.identification import identify
 from flexviz.importing import import_logs
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.view import staircase_chart
-from flexviz.wording import finding_name, listed, measured, short_names, values_text
+from flexviz.wording import estimate_words, finding_name, listed, short_names, values_text
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PAGE, PICTURES = RESULTS / "public-recordings.md", RESULTS / "images" / "robots"
@@ -117,7 +117,7 @@ def stiffness(result: Diagnosis) -> str:
     ]
     for name, p in zip(names, found, strict=True):
         beside = [encoded.get(p.joint or "", "–")] if encoded else []
-        rows.append([name, measured(p.value, p.std, p.unit), p.identifiable, *beside])
+        rows.append([name, estimate_words(p), p.identifiable, *beside])
     return markdown(rows, numbers=False)
 
 

@@ -62,13 +62,15 @@ def truths(case: Mapping[str, Any]) -> dict[str, float]:
 
 
 def stated(result: Identification, true: Mapping[str, float], sort: str) -> Iterator[Stated]:
-    """Every interval whose truth is known."""
+    """Every interval whose truth is known; what is graded "no" has none."""
     for p in result.parameters:
         name = f"{p.name}:{p.joint if p.joint is not None else p.payload}"
+        if p.identifiable == "no":
+            continue
         if name in true and p.name not in ("mass", "mx", "my", "mz") and not p.name.startswith("i"):
             kind = "effect" if "." in p.name else p.name
             yield Stated(sort, kind, name, _score(p.value, p.std, true[name]), p.identifiable)
-    for c in result.combinations:
+    for c in (c for c in result.combinations if c.identifiable != "no"):
         value = sum(weight * true[name] for name, weight in c.weights.items())
         yield Stated(sort, "inertial combination", c.name, _score(c.value, c.std, value), c.identifiable)
 
@@ -91,7 +93,7 @@ def outcome(seed: int, number: int, quick: bool) -> list[Stated]:
     ]
     result = identify(measurements, effects=effects, refine=not quick)
     found = list(stated(result, truths(case), sort))
-    far = [s for s in found if abs(s.score) > FAR and s.grade != "no"]
+    far = [s for s in found if abs(s.score) > FAR]
     texts = ", ".join(f"{s.name} {s.score:+.1f} ({s.grade})" for s in far)
     print(f"{number:3d} {case['case']:40s} {len(found):3d} intervals; far off: {texts or 'none'}", flush=True)
     return found
@@ -102,14 +104,10 @@ def table(found: Sequence[Stated]) -> str:
     rows = [(f"of {name}", [s for s in found if s.sort == name]) for name in SETS]
     kinds = list(dict.fromkeys(s.kind for s in found))
     rows += [(kind, [s for s in found if s.kind == kind]) for kind in kinds]
-    lines = [["", "all", "yes or weak"]]
+    lines = [["", "yes or weak"]]
     for name, some in (*rows, ("all", list(found))):
-        marked = [s for s in some if s.grade != "no"]
-        cells = [
-            f"{np.mean([abs(s.score) <= NORMAL_95 for s in part]):.1%} of {len(part):4d}" if part else "–"
-            for part in (some, marked)
-        ]
-        lines.append([name, *cells])
+        inside = np.mean([abs(s.score) <= NORMAL_95 for s in some]) if some else np.nan
+        lines.append([name, f"{inside:.1%} of {len(some):4d}" if some else "–"])
     return plain(lines)
 
 

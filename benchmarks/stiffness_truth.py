@@ -133,7 +133,7 @@ class Judged(Value):
     grade: str
 
     def text(self) -> str:
-        inside = "covered" if self.covered else "OUTSIDE"
+        inside = "" if self.grade == "no" else "covered" if self.covered else "OUTSIDE"
         share = f"{100 * self.std / self.found:.3g} %" if self.std and np.isfinite(self.std) else "–"
         values = f"true {self.true:9.4g}  found {self.found:9.4g} ± {share:8s}"
         return f"{self.name:44s} {values} {self.grade:5s}{inside}"
@@ -160,7 +160,7 @@ def judge(work: Path, one: Planned, how: str) -> list[Judged]:
 def summary(judged: Sequence[Judged]) -> str:
     """Coverage and errors of what is marked."""
     lines = []
-    for grades in (("yes",), ("weak",), ("yes", "weak"), ("no",)):
+    for grades in (("yes",), ("weak",), ("yes", "weak")):  # "no" has no interval
         some = [j for j in judged if j.grade in grades]
         text = f"{' and '.join(grades):13s} {len(some):3d} of {len(judged)}"
         if some:

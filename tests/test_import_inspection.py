@@ -21,7 +21,10 @@ from flexviz.importing.column_names import unit_in
 from flexviz.importing.columns import candidates, find_families
 from flexviz.importing.draft import Person
 from flexviz.importing.formats import open_log
-from flexviz.importing.formats.base import LogTable, ReadOptions
+from flexviz.importing.formats.base import Log, LogTable, ReadOptions
+from flexviz.importing.torque_meaning import evidence
+from flexviz.robot import Robot
+from tests.small_set import URDF
 
 DATA = truth(rows=1500)
 UR = (
@@ -361,3 +364,29 @@ def test_a_robot_that_does_not_fit(tmp_path: Path) -> None:
     inspection = inspect_logs([log], "example-robot-data:panda")
     assert inspection.draft.missing or set(inspection.draft.joints) == {"panda_joint1"}
     assert JOINTS == TWO
+
+
+@pytest.mark.parametrize(("scale", "scatter"), [(1.0, 0.0), (-0.4, 0.5), (0.05, 0.8)])
+def test_what_gravity_explains_of_an_effort(scale: float, scatter: float, tmp_path: Path) -> None:
+    """Of an arm's first joint, (.25 cos q₁ + .5 cos q₁ + .25 cos(q₁ + q₂)) 4 kg g, of a log of 1200 rows."""
+    file = tmp_path / "robot.urdf"
+    file.write_text(URDF)
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-2, 2, (1200, 2))
+    gravity = 4 * 9.81 * (0.75 * np.cos(q[:, 0]) + 0.25 * np.cos(q.sum(axis=1)))
+    left = np.tile([1.0, -1.0], 600)[rng.permutation(1200)]
+    tau = scale * (gravity + np.sqrt(scatter / (1 - scatter)) * gravity.std() * left) + 3.0
+    columns = {"pos1": q[:, 0], "pos2": q[:, 1], "effort1": tau, "effort2": 0.01 * tau}
+    theta, effort = find_families(list(columns), TWO, {})
+    said = evidence(
+        {"theta": theta, "tau": effort}, Robot.load(file), Log(tmp_path, "CSV", (LogTable("", columns),))
+    )
+    found = re.fullmatch(
+        r"\|joint1\| is up to (\S+), of which the URDF's gravity explains (\d+) % with a factor of (\S+)",
+        said,
+    )
+    assert found is not None, said
+    largest, share, factor = map(float, found.groups())
+    assert largest == pytest.approx(np.abs(tau).max(), rel=0.1)  # of the rows that are looked at
+    assert share == pytest.approx(100 * (1 - scatter), abs=8 if scatter else 0)
+    assert factor == pytest.approx(scale, rel=0.15 if scatter else 0.01)

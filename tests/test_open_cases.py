@@ -1,7 +1,7 @@
 """What the diagnosis does not get right yet, or only just does.
 
-Each open case takes a minute or two: `pytest -m study tests/test_open_cases.py` runs them. A case that passes
-there moves to the tests of its subject.
+Each open case takes up to a minute or two, and runs with the long tests (`make slow`). A case that passes
+moves to the tests of its subject.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from tests.test_varying_size import with_growing_friction
 from tests.unknown_laws import Rough, set_with
 
 BY_LOAD = "load_dependent_friction:joint2"
-OPEN = pytest.mark.xfail(strict=True, reason="not right yet"), pytest.mark.study
+OPEN = pytest.mark.xfail(strict=True, reason="not right yet"), pytest.mark.slow
 
 
 def not_yet(case: Any) -> Any:
-    """An open case: it runs with the studies, and fails once it is right."""
+    """An open case: it runs with the long tests, and fails once it is right."""
     for mark in OPEN:
         case = mark(case)
     return case

@@ -169,7 +169,7 @@ def test_a_session_of_an_older_format_opens_and_is_saved_as_todays(
     assert (analysis.fit.gains is not None) == (version == 4)
     assert analysis.identification.gains == analysis.fit.gains
     std = [p.std for p in analysis.diagnosis.parameters if p.name == "link_viscous_friction"]
-    assert std == [np.inf, np.inf]  # null in documents
+    assert not np.isfinite(std).any()  # null in documents
     save_session(opened.session, opened.measurements, folder)
     assert json.loads((folder / "session.json").read_text())["format"] == FORMAT
     again = open_session(folder).session.analysis
@@ -224,6 +224,10 @@ def test_an_older_verdict_is_about_data_and_model_only(tmp_path: Path) -> None:
 def test_a_document_of_format_1_is_read_and_written_alike(kind: str) -> None:
     file = DATA / "result_format_1" / f"{kind}.json"
     written = json.loads(file.read_text())
-    assert read_result(file).to_dict() == written
+    found = read_result(file).to_dict()
+    for part in (written, written.get("model", {})):  # since then without an interval where "no"
+        for p in (*part.get("parameters", ()), *part.get("base_parameters", ())):
+            p["std"] = None if p["identifiable"] == "no" else p["std"]
+    assert found == written
     if kind == "diagnosis":
         assert json.loads(json.dumps(TIED_DIAGNOSIS.to_dict())) == written

@@ -127,6 +127,23 @@ def test_noise_explains_nothing(pole):
     assert np.all(np.abs(mean) < 0.02)
 
 
+@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
+def test_error_of_a_share_of_noise(pole):
+    """Products of two blocks occur twice, each predicted by the other: √2 of what blocks alone would say."""
+    rng = np.random.default_rng(4)
+    position = motion()
+    index = (24 * np.argsort(np.argsort(position)) // len(position)).astype(int)
+    folds = make_folds(np.ones(len(position), bool), STRETCHES, GAPS[pole])
+    shares, stds = [], []
+    for _ in range(300):
+        noise = coloured(rng, pole)
+        found = explained(index, noise, folds), explained_in_time(noise, folds)
+        shares.append([one.share for one in found])
+        stds.append([one.std for one in found])
+    ratio = np.sqrt(np.mean(np.square(stds), axis=0)) / np.std(shares, axis=0)
+    assert np.all((ratio > 0.88) & (ratio < 1.25)), ratio
+
+
 def test_neighbours_may_not_explain_each_other():
     """The gap between training and test is what keeps coloured noise at zero."""
     rng = np.random.default_rng(1)

@@ -29,8 +29,9 @@ class ParameterSpread:
     Attributes:
         count: runs that have it.
         mean, spread: mean and standard deviation of the estimates; NaN for one run.
-        claimed: root mean square of the standard errors.
-        bias, coverage: mean minus truth, and share of the 95 % intervals that hold it; None without a truth.
+        claimed: root mean square of the standard errors, of the runs that determine the parameter.
+        bias, coverage: mean minus truth, and share of the 95 % intervals that hold it; None without a truth
+            or without intervals.
     """
 
     parameter: str
@@ -54,14 +55,15 @@ def spreads(runs: Sequence[StudyRun]) -> list[ParameterSpread]:
     for name, entries in found.items():
         value, std, truth = (np.array([entry[i] for entry in entries]) for i in (0, 1, 3))
         error = value - truth
-        known = bool(np.isfinite(error).all())
+        known, stated = bool(np.isfinite(error).all()), np.isfinite(std)
+        inside = np.abs(error) <= NORMAL_95 * std
         out.append(
             ParameterSpread(
                 name, entries[0][2], len(entries), float(value.mean()),
                 float(value.std(ddof=1)) if len(value) > 1 else math.nan,
-                float(np.sqrt(np.mean(std**2))),
+                float(np.sqrt(np.mean(std[stated] ** 2))) if stated.any() else math.nan,
                 float(error.mean()) if known else None,
-                float(np.mean(np.abs(error) <= NORMAL_95 * std)) if known else None,
+                float(np.mean(inside[stated])) if known and stated.any() else None,
             )
         )  # fmt: skip
     return out

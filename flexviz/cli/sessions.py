@@ -166,16 +166,16 @@ def errors(found: SessionComparison) -> Table:
 
 def parameters(found: SessionComparison, every: bool) -> Table:
     """Parameters with 95 % intervals, one column per session, and the difference of first and last."""
-    from flexviz.results import interval, plain_table
-    from flexviz.wording import INERTIAL
+    from flexviz.results import in_ascii, plain_table
+    from flexviz.wording import INERTIAL, interval_words
 
     names = [s.name for s in found.sessions]
     table = plain_table("parameter", "joint", numbers=[*names, "difference / std"], end=["unit"])
     for row in found.rows:
         if row.name in INERTIAL and not every:
             continue
-        cells = ["–" if e is None else " ± ".join(interval(e.value, e.std)) for e in row.estimates]
-        table.add_row(row.name, row.place, *cells, far(row), row.unit)
+        cells = ["–" if e is None else interval_words(e) for e in row.estimates]
+        table.add_row(row.name, row.place, *map(in_ascii, cells), far(row), row.unit)
     return table
 
 

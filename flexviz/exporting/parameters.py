@@ -33,7 +33,7 @@ OF_THE_FIT = (
 CONVENTIONS = {
     "motor": "all quantities of the motor are expressed at the joint: angle / N, torque × N, inertia × N²",
     "inertial": "of all bodies that a joint moves, about the joint frame, without the payload",
-    "std": f"standard error; null if unknown; a 95 % interval is value ± {NORMAL_95} std",
+    "std": f"standard error; null if unknown, as for identifiable no; 95 % interval: value ± {NORMAL_95} std",
     "identifiable": "yes: determined by the data; weak: weakly determined; no: near its prior value",
     "tied_to": "parameters that the data cannot separate from this one",
 }

@@ -19,7 +19,8 @@ class ParameterEstimate:
     Attributes:
         name, joint, unit: as in the JSON contract; joint is None where it belongs to none.
         value: in SI units.
-        std: standard error; infinite or NaN where unknown, null in documents.
+        std: standard error; infinite or NaN where unknown, null in documents. NaN if `identifiable` is "no":
+            the interval of what the data do not determine is not known either.
         identifiable: "yes", "weak" or "no".
         start: start value.
         tied_to: parameters ("izz:joint1") that the data cannot move independently of this one.
@@ -41,6 +42,9 @@ class ParameterEstimate:
     group: str | None = None
     rigid_above: Annotated[Number | None, Field(exclude_if=is_none)] = None
 
+    def __post_init__(self) -> None:
+        _without_interval(self)
+
     @property
     def label(self) -> str:
         """`izz:joint1`, `payload_error.relative_mass_error:p2`, as an iteration names it."""
@@ -53,7 +57,7 @@ class Combination:
 
     Attributes:
         name: "izz:joint1 + 1 mass:joint2".
-        value, std: in the unit of the leading parameter.
+        value, std: in the unit of the leading parameter; std as in `ParameterEstimate`.
         unit: of the leading parameter.
         identifiable: "yes", "weak" or "no".
         weights: parameter → coefficient.
@@ -65,6 +69,14 @@ class Combination:
     unit: str
     identifiable: Grade
     weights: dict[str, Number] = Field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _without_interval(self)
+
+
+def _without_interval(estimate: ParameterEstimate | Combination) -> None:
+    if estimate.identifiable == "no":
+        object.__setattr__(estimate, "std", math.nan)
 
 
 @dataclass(frozen=True, config=RECORD)

@@ -16,7 +16,7 @@ from flexviz.results.frame import DataFrame, parameter_frame
 from flexviz.results.link_side import LinkSide
 from flexviz.results.lookup import ParameterNotFound, find_parameter
 from flexviz.results.summary import WIDE, markdown, parts, run_lines
-from flexviz.results.tables import interval, plain_table
+from flexviz.results.tables import in_ascii, interval, plain_table
 
 __all__ = [
     "WIDE",
@@ -35,6 +35,7 @@ __all__ = [
     "evidence_chart",
     "find_parameter",
     "hints",
+    "in_ascii",
     "interval",
     "json_schema",
     "lacks_effects",

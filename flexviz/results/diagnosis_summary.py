@@ -13,7 +13,7 @@ from flexviz.model import EffectValue
 from flexviz.records import CandidateEffect, EffectEntry, FoundEffect, StepEntry
 from flexviz.results.assessment import hints
 from flexviz.results.fields import ResultFields
-from flexviz.results.tables import fold, in_ascii, interval, plain_table
+from flexviz.results.tables import fold, in_ascii, plain_table
 
 SHOWN_ABSORBED = 4  # parameters
 TRACE_LINES = 6  # of what was tried
@@ -49,10 +49,10 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
         out.append(f"what {left} on {place.joint} follows {place.variable}, mostly {span}")
     motor = {p.joint: p for p in result.all_parameters if p.name == "stiffness"}
     for entry in result.link_side:
-        value, half = interval(motor[entry.joint].value, motor[entry.joint].std)
-        mark = motor[entry.joint].identifiable
+        found = motor[entry.joint]
         out.append(
-            f"stiffness of {entry.joint}: by the motor side {value} ± {half} Nm/rad ({mark}); "
+            f"stiffness of {entry.joint}: by the motor side {in_ascii(wording.estimate_words(found))} "
+            f"({found.identifiable}); "
             f"by its link encoder {entry.text}"
         )
     skipped = {note.text for note in result.typed_notes if spread and note.kind in wording.SAID_AS_SHARES}

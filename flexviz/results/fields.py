@@ -140,7 +140,7 @@ class ResultFields(BaseModel, FitFields, DiagnosisFields, frozen=True):
             effect, dot, name = p.name.partition(".")
             if dot:
                 values = found.setdefault((effect, p.joint, p.group, p.payload), {})
-                values[name] = EffectParameter(p.value, p.std, p.unit)
+                values[name] = EffectParameter(p.value, p.std, p.unit, p.identifiable)
         return tuple(
             EffectEntry(effect, values, joint, group, payload)
             for (effect, joint, group, payload), values in found.items()

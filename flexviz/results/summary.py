@@ -16,9 +16,19 @@ from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.fields import ResultFields
 from flexviz.results.link_side import LinkSide
 from flexviz.results.tables import fold, in_ascii, interval, plain_table
-from flexviz.wording import as_markdown, effect_title, escape, markdown_table, normalised, number
+from flexviz.wording import (
+    as_markdown,
+    effect_title,
+    escape,
+    estimate_cells,
+    markdown_table,
+    normalised,
+    number,
+    told,
+)
 
 WIDE = 110  # columns from which a table has room for ties between parameters
+WIDEST = 130  # … and for the words "not determined"
 
 
 def text(result: ResultFields, width: int) -> str:
@@ -32,7 +42,7 @@ def text(result: ResultFields, width: int) -> str:
 def html(result: ResultFields) -> str:
     """The whole result for a notebook."""
     out = []
-    for part in parts(result, WIDE):
+    for part in parts(result, WIDEST):
         if isinstance(part, str):
             out.append(f"<div>{escape(part)}</div>")
             continue
@@ -46,7 +56,7 @@ def html(result: ResultFields) -> str:
 def markdown(result: ResultFields) -> str:
     """The whole result as Markdown; indented lines are entries of lists."""
     out = []
-    for part in parts(result, WIDE):
+    for part in parts(result, WIDEST):
         if isinstance(part, str):
             out.append(("   - " if part.startswith("     ") else "") + as_markdown(part.strip()))
         else:
@@ -67,7 +77,9 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
         return diagnosis_parts(result, width)
     wide = width >= WIDE
     shown = [p for p in result.all_parameters if free_curve(p.name) is None]
-    out: list[Table | str] = [parameter_table(shown, ties=wide, link_side=result.link_side)]
+    words = width >= WIDEST
+    out: list[Table | str] = [parameter_table(shown, ties=wide, words=words, link_side=result.link_side)]
+    out += [] if words or all(map(told, shown)) else ["a value – is not determined by these data"]
     out += [] if wide else tied_lines(shown)
     out += [part for curve in result.curves for part in curve_parts(curve)]
     out.append(combination_table(result.base_parameters))
@@ -92,9 +104,13 @@ def run_lines(result: ResultFields) -> list[str]:
 
 
 def parameter_table(
-    parameters: Iterable[ParameterEstimate], *, ties: bool = True, link_side: Iterable[LinkSide] = ()
+    parameters: Iterable[ParameterEstimate],
+    *,
+    ties: bool = True,
+    words: bool = True,
+    link_side: Iterable[LinkSide] = (),
 ) -> Table:
-    """One row per parameter; with `ties` also the parameters it is tied to.
+    """One row per parameter; with `ties` also the parameters it is tied to, with `words` "not determined".
 
     `link_side`: what link encoders show of the stiffness, in a column of its own.
     """
@@ -112,7 +128,7 @@ def parameter_table(
             p.name,
             p.joint or "",
             in_ascii(number(p.start)),
-            *interval(p.value, p.std),
+            *(map(in_ascii, estimate_cells(p)) if words or told(p) else ("–", "–")),
             p.unit,
             p.identifiable + (", at bound" if p.at_bound else ""),
             *([encoders.get(p.joint or "", "") if p.name == "stiffness" else ""] if encoders else []),
@@ -148,7 +164,7 @@ def combination_table(combinations: Iterable[Combination]) -> Table:
     fold(table, 0)
     for c in combinations:
         style = "" if c.identifiable == "yes" else "dim"
-        table.add_row(c.name, *interval(c.value, c.std), c.unit, c.identifiable, style=style)
+        table.add_row(c.name, *map(in_ascii, estimate_cells(c)), c.unit, c.identifiable, style=style)
     return table
 
 

@@ -207,7 +207,7 @@ def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate])
         for p in parameters:
             of, dot, name = p.name.partition(".")
             if dot and of == effect and place and place in (p.joint, p.payload):
-                values.append(f"{wording.plain_name(name)} {wording.measured(p.value, p.std, p.unit)}")
+                values.append(f"{wording.plain_name(name)} {wording.estimate_words(p)}")
                 own.append(p)
         values = [wording.curve_text(own)] if own and free_curve(effect) is not None else values
         out += [f"{place}: {', '.join(values)}"] if values else []

@@ -19,7 +19,7 @@ from flexviz.wording import (
     MARKS,
     SYMBOLS,
     escape,
-    measured_parts,
+    estimate_cells,
     number,
     plain_name,
     plural,
@@ -94,9 +94,9 @@ def _rows(
             rows.append(
                 f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
             )
-        value, error, unit = measured_parts(p.value, p.std, p.unit)
-        half = 0.0 if p.std is None or not math.isfinite(p.std) else NORMAL_95 * p.std
-        factor, _ = si_scale(max(abs(p.value), half), p.unit)
+        half = NORMAL_95 * p.std if math.isfinite(p.std) else 0.0
+        factor, unit = si_scale(max(abs(p.value), half), p.unit)
+        value, error = estimate_cells(p, factor)
         real = ""
         if truth is not None:
             known = truth.get((p.name, p.payload or p.joint))

@@ -23,6 +23,16 @@ from flexviz.wording.errors import (
     stated_errors,
     total_rms,
 )
+from flexviz.wording.estimates import (
+    NOT_DETERMINED,
+    determined,
+    estimate_cells,
+    estimate_mark,
+    estimate_words,
+    interval_words,
+    settled,
+    told,
+)
 from flexviz.wording.findings import (
     ALONG,
     FAMILY_TITLES,

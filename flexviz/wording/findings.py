@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from flexviz.effects import EFFECTS, free_curve
 from flexviz.records import Absorbed, CandidateEffect, EffectParameter, Family, FoundEffect, Tie
 from flexviz.statistics import NORMAL_95
+from flexviz.wording.estimates import NOT_DETERMINED, determined
 from flexviz.wording.numbers import (
     listed,
     measured,
@@ -131,12 +132,16 @@ def values_text(finding: CandidateEffect) -> str:
 
 
 def value_text(effect: str, name: str, found: EffectParameter) -> str:
-    """ "3.000 ± 0.012 Nm", with the 95 % interval; "not determined" where that exceeds the allowed range."""
+    """ "3.000 ± 0.012 Nm", with the 95 % interval.
+
+    "not determined" where half of that is wider than the value, or than the allowed range.
+    """
     bounds = (
         next((p for p in EFFECTS[effect].parameters if p.name == name), None) if effect in EFFECTS else None
     )
-    if bounds is not None and found.std is not None and NORMAL_95 * found.std > bounds.upper - bounds.lower:
-        return "not determined"
+    beyond = bounds is not None and NORMAL_95 * found.std > bounds.upper - bounds.lower
+    if beyond or not determined(found):
+        return NOT_DETERMINED
     return measured(found.value, found.std, found.unit)
 
 

@@ -96,7 +96,8 @@ GLOSSARY = (
     ),
     Term(
         "identifiable",
-        "Yes: these data determine the value. Weak: its 95 % interval is wide. No: the data leave it open.",
+        "Yes: these data determine the value. Weak: its 95 % interval is wide. No: the data leave it open, "
+        "and it has no interval.",
         r"[Ii]dentifiable|id\.",
     ),
     Term(

@@ -11,7 +11,6 @@ from flexviz.effects import EFFECTS, free_curve
 from flexviz.records import ResidualLocation, Tie
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
-from flexviz.report.sections.settled import finding_values
 from flexviz.view import evidence_chart, law_chart, law_difference
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
@@ -102,7 +101,7 @@ def _members(
                     blocks.Cell("" if k else f"{caption}: {name}", strong=True),
                     wording.where_text(one.joint, one.payload, one.group).strip().removeprefix("on ")
                     or "all",
-                    finding_values(one),
+                    wording.values_text(one),
                     "" if k else share,
                     "not physics" if effect is not None and effect.stopgap else sure,
                 ]
@@ -156,7 +155,7 @@ def _ranking(content: ReportContent) -> blocks.ReportTable | None:
                 [
                     f"model {index}",
                     merged.name(content.joints),
-                    finding_values(first) if len(merged.members) == 1 else "",
+                    wording.values_text(first) if len(merged.members) == 1 else "",
                     wording.share_text(wording.joint_score(merged.members)),
                     "–" if first.stopgap else wording.confidence_range(merged.members),
                 ]

@@ -10,13 +10,14 @@ from flexviz.diagnosis import BandwidthCheck, ParameterCurve
 from flexviz.records import ParameterEstimate
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
-from flexviz.report.sections.settled import estimate_text, settled
 from flexviz.view import model_curve_charts, physical
 from flexviz.wording import (
     INERTIAL,
     MARKS,
+    determined,
+    estimate_mark,
+    estimate_words,
     joints_text,
-    measured_parts,
     number,
     plain_name,
     plural,
@@ -94,7 +95,7 @@ def _row(name: str, at: Mapping[str, ParameterEstimate], places: Sequence[str]) 
     cells = [
         ""
         if (p := at.get(place)) is None
-        else estimate_text(p, factor) + (", at its bound" if p.at_bound else "")
+        else estimate_mark(p, factor) + (", at its bound" if p.at_bound else "")
         for place in places
     ]
     return [label, *cells]
@@ -109,8 +110,7 @@ def _link_side(content: ReportContent) -> blocks.ReportTable | None:
     rows: list[list[str | blocks.Cell]] = []
     for entry in found.link_side:
         p = motor[entry.joint]
-        value, error, unit = measured_parts(p.value, p.std, p.unit)
-        shown = f"{value} ± {error} {unit} {MARKS[p.identifiable]}"
+        shown = f"{estimate_words(p)} {MARKS[p.identifiable]}"
         rows.append([entry.joint, shown, blocks.Cell(entry.text, strong=not entry.agrees)])
     head = ("joint", "motor side ± 95 %", "link encoder (95 % interval)")
     return blocks.table(head, rows, (), "Stiffness against the link encoders, which no fit has seen")
@@ -148,12 +148,12 @@ def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> blo
     matrix = _matrix(content, found)
     if not combinations:
         return blocks.section("Inertias", matrix)
-    known = [c for c in combinations if settled(c.value, c.std) and c.identifiable != "no"]
+    known = [c for c in combinations if determined(c)]
     only = blocks.explanation(
         f"Motion determines only combinations of the inertial parameters, {len(known)} of "
         f"{len(combinations)} here."
     )
-    rows = [[c.name, estimate_text(c), unit_text(c.unit)] for c in known]
+    rows = [[c.name, estimate_mark(c), unit_text(c.unit)] for c in known]
     head = ("combination", "value ± 95 %", "unit")
     title = "Identified combinations of inertial parameters"
     return blocks.section(
@@ -175,8 +175,7 @@ def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> block
 
 
 def _inertial_text(p: ParameterEstimate) -> str:
-    known = settled(p.value, p.std) and p.identifiable != "no"
-    return f"{number(p.value, 3)} {MARKS.get(p.identifiable, '')}" if known else MARKS["no"]
+    return f"{number(p.value, 3)} {MARKS.get(p.identifiable, '')}" if determined(p) else MARKS["no"]
 
 
 def guard(content: ReportContent) -> blocks.Section | None:
