@@ -9,7 +9,7 @@ from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
 from flexviz.effects.names import EFFECT_FAMILIES, EFFECT_NAMES, family_of, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
-from flexviz.effects.selection import ChosenEffect, choose_effects, named_effect
+from flexviz.effects.selection import ChosenEffect, choose_effects, everywhere, named_effect
 from flexviz.effects.terms import (
     SIGN_VELOCITY,
     Context,
@@ -54,6 +54,7 @@ __all__ = [
     "choose_effects",
     "curve_points",
     "draft_effect",
+    "everywhere",
     "family_of",
     "forget_effects",
     "free_curve",
