@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from flexviz.effects import EFFECTS, EffectTarget
 from flexviz.effects.torque_limit import SHARES, beyond
 from flexviz.equation import build_signals
 from flexviz.estimation.whitening import whitener
+from flexviz.importing.checking import check_saturated
 from flexviz.measurements import MeasurementSet, Segment, bridged_torque, saturated_text, seen_limits
 from flexviz.observers import ButterworthZeroPhase
 from tests.planar_arm import planar_set
@@ -137,6 +139,16 @@ def test_torque_beyond_a_limit_is_bridged() -> None:
     inside = slice(700, 3300)  # a plateau at an end of the record has one side only
     assert np.abs(torque - whole.tau)[inside].max() < 0.05
     assert bridged_torque(whole.tau, ())[1] is None
+
+
+def test_an_import_names_it() -> None:
+    group, mapping = (
+        SimpleNamespace(table=clipped(swing(noise=0.01), 0, -7.0, 7.0)),
+        SimpleNamespace(names="ab"),
+    )
+    (issue,) = check_saturated(mapping, [group])  # type: ignore[arg-type, list-item]
+    assert issue.kind == "saturated" and issue.severity == "odd" and issue.joints == ("a",)
+    assert str(issue).startswith("tau of a: it stands at its largest / smallest value (±7.000 Nm) in ")
 
 
 # -- fits without these samples
