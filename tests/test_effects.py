@@ -30,17 +30,10 @@ from flexviz.simulation.laws import Dahl, ElasticJoint
 from flexviz.wording import bounds_text, effect_json, simulated_text
 
 MOTOR_LAWS = (
-    "coulomb_friction",
-    "stribeck_friction",
-    "quadratic_friction",
-    "directional_friction",
-    "thinning_friction",
-    "load_dependent_friction",
-    "driving_friction",
-    "friction_drift",
-    "torque_ripple",
+    "coulomb_friction", "stribeck_friction", "quadratic_friction", "directional_friction",
+    "thinning_friction", "load_dependent_friction", "driving_friction", "friction_drift", "torque_ripple",
     "torque_offset",
-)
+)  # fmt: skip
 LINK_LAWS = ("link_coulomb_friction", "cable_spring", "gravity_compensator")
 VALUES = {
     "coulomb_friction": (3.0,),
@@ -58,6 +51,7 @@ VALUES = {
     "torque_offset": (-2.0,),
     "torque_gain": (0.1,),
     "torque_delay": (0.002,),
+    "torque_limit": (45.0,),
     "stiffness_hardening": (2e6,),
     "backlash": (0.002,),
     "joint_damping": (12.0,),
@@ -233,6 +227,7 @@ def test_damping_is_what_the_link_side_gains() -> None:
 def test_applied_torque() -> None:
     recorded = MOTION.tau(0)[0]
     np.testing.assert_allclose(recorded - value("torque_gain"), 1.1 * recorded, rtol=1e-12)
+    np.testing.assert_allclose(recorded - value("torque_limit"), np.clip(recorded, -45.0, 45.0), rtol=1e-12)
     late = MOTION.torque.at(MOTION.time - VALUES["torque_delay"][0], 1)[0]
     np.testing.assert_allclose(recorded - value("torque_delay"), late, rtol=1e-12, atol=1e-12)
 
@@ -320,7 +315,11 @@ def test_friction_of_a_velocity_that_only_touches_zero_is_undecided() -> None:
         assert not noticed or np.abs(times - 3.0).max() < 0.1
 
 
-@pytest.mark.parametrize("name", [name for name in EFFECTS if EFFECTS[name].scope != "episode"])
+# guesses of a limit are whole ones: tests/test_torque_limit.py
+SMALL = [n for n, e in EFFECTS.items() if e.scope != "episode" and not e.limits_torque]
+
+
+@pytest.mark.parametrize("name", SMALL)
 def test_guesses_are_small_versions_of_the_effect(name: str) -> None:
     guesses = EFFECTS[name].guesses(MOTION, PLACE)
     assert guesses

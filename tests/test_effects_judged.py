@@ -40,6 +40,7 @@ HAVING = {  # trait → the effects that have it, all others do not
     "damps_deflection": {"joint_damping"},
     "after_rest": {"startup_friction"},
     "joint_optional": {"torque_delay"},
+    "limits_torque": {"torque_limit"},
     "absorbed_by_stiffness": {"stiffness_hardening", "backlash", "joint_damping"},
     "underrated": {
         "stiffness_hardening",
@@ -169,7 +170,8 @@ def test_places_in_text() -> None:
     (delay,) = choose_effects(["torque_delay"], pair)
     assert delay.place == EffectTarget() and delay.value(pair).joint is None
     for text, words in (
-        ("torque_delay:b", 'belongs to no joint; write "torque_delay"'),
+        ("base_tilt:b", 'belongs to no joint; write "base_tilt"'),
+        ("torque_delay:c", 'joint "c" is not in the set'),
         ("payload_error:p3", 'payload "p3" is not carried'),
         ("torque_offset:c", 'joint "c" is not in the set'),
         ("torque_offset:b@g1", 'acts in every group of the set; write "torque_offset:b"'),
@@ -184,12 +186,13 @@ def test_places_in_text() -> None:
 
 
 def test_places_in_a_robot() -> None:
-    """Where a search tries an effect: every joint, every payload, once per set, nowhere for episodes."""
+    """Where a search tries an effect: every joint, every payload, the set, nowhere for episodes."""
     joints = [EffectTarget(0), EffectTarget(1), EffectTarget(2)]
     wanted = {"joint": joints, "set": [EffectTarget()], "episode": []}
     wanted["payload"] = [EffectTarget(payload="p1"), EffectTarget(payload="p2")]
     for effect in EFFECTS.values():
         found = effect.targets(3, ("p1", "p2"))
+        found = found[:1] if effect.joint_optional else found  # then each joint: tests/test_torque_delay.py
         assert found == (joints[:-1] if effect.name == "coupled_friction" else wanted[effect.scope]), effect
         assert bool(effect.targets(1, ())) == (effect.fewest_joints == 1 and effect.scope in ("joint", "set"))
 

@@ -287,7 +287,7 @@ def test_fine_signals_have_the_gain_of_their_bands() -> None:
     shared: dict[object, Any] = {"noise": (np.full(2, 2e-6), np.full(2, 2e-5))}
     shake = np.sin(2 * np.pi * hertz * segment.time)[:, None]
     wave = replace(segment, theta=1e-3 * shake * [1, 1], tau=shake * [1, 1])
-    signals = replace(plain.signals, blocks=(replace(block, segment=wave),))
+    signals = replace(plain.signals, blocks=(replace(block, segment=wave, torque=wave.tau),))
     bands = fine_bands(signals, np.ones(2), np.full(2, 1000.0), shared)
     (fine,) = fine_signals(signals, bands, shared)
     assert (bands.wide[0] > 50).all() and (bands.narrow[0] < 70).all() and fine.step == 2e-3

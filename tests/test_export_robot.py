@@ -35,7 +35,7 @@ EXACT = (
     "base_tilt", "torque_gain", "torque_offset", "payload_error:p2",
 )  # fmt: skip
 NEARLY = ("coulomb_friction", "link_coulomb_friction", "torque_delay", "coupled_friction")
-MJCF_CHECKED = {name.split(":")[0] for name in EXACT} | {*NEARLY, "presliding_hysteresis"}
+MJCF_CHECKED = {name.split(":")[0] for name in EXACT} | {*NEARLY, "presliding_hysteresis", "torque_limit"}
 URDF_CHECKED = {"coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error"}
 NOT_IN_MJCF = [name for name, e in MJCF.items() if isinstance(e, LeftOut) and name != "external_contact"]
 
@@ -303,6 +303,15 @@ def test_mjcf_read_again_gives_the_same(panda: MeasurementSet, tmp_path: Path) -
     expected = pin.crba(pinocchio, pinocchio.createData(), q)
     expected = np.triu(expected) + np.triu(expected, 1).T
     np.testing.assert_allclose(mass[np.ix_(at, at)], expected, atol=1e-7)
+
+
+def test_a_torque_limit_is_the_force_range_of_the_actuator(planar: MeasurementSet, tmp_path: Path) -> None:
+    limit = EffectValue("torque_limit", planar.joints[1], {"limit": 12.5})
+    model = plan("planar-2r").model
+    compiled = load(identified(planar, replace(model, effects=(*model.effects, limit))), tmp_path / "out")
+    assert not compiled.actuator_forcelimited[compiled.actuator(planar.joints[0]).id]
+    at = compiled.actuator(planar.joints[1]).id
+    assert compiled.actuator_forcelimited[at] and list(compiled.actuator_forcerange[at]) == [-12.5, 12.5]
 
 
 def test_what_mjcf_has_no_place_for_is_said(planar: MeasurementSet, tmp_path: Path) -> None:

@@ -218,7 +218,9 @@ class CurvedEquation:
     """
 
     has_state = False
-    signals = SimpleNamespace(tau=np.ones((1, 2, 1)))
+    signals = SimpleNamespace(
+        tau=np.ones((1, 2, 1)), known=np.ones((2, 1)), mean_square=lambda r: np.mean(r**2, axis=0)
+    )
     layout = SimpleNamespace(compliance=slice(0, 0), fitted=np.ones(1))
 
     def __init__(self, curvature: float) -> None:

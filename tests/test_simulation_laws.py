@@ -256,6 +256,17 @@ def test_torque_gain_and_delay(robot: Robot) -> None:
     close(np.abs(rest).max(axis=1), 0.0 * rest[:, 0], 0.02)
 
 
+def test_the_record_stands_at_a_torque_limit_and_the_motor_gets_all(robot: Robot) -> None:
+    free = run_with(robot)
+    limit = 0.7 * float(np.abs(free.tau[:, 1]).max())
+    run = run_with(robot, EffectValue("torque_limit", JOINT, {"limit": limit}))
+    np.testing.assert_array_equal(run.theta, free.theta)
+    np.testing.assert_array_equal(run.tau[:, 0], free.tau[:, 0])
+    np.testing.assert_array_equal(run.tau[:, 1], np.clip(free.tau[:, 1], -limit, limit))
+    none = run_with(robot, EffectValue("torque_limit", JOINT, {"limit": 0.0}))
+    np.testing.assert_array_equal(none.tau, free.tau)
+
+
 def test_payload_error(robot: Robot) -> None:
     effect = EffectValue("payload_error", None, {"relative_mass_error": 0.2}, payload="p2")
     heavier = PayloadBody("link2", 1.2 * BODY.mass, BODY.com, 1.2 * BODY.inertia)
@@ -287,7 +298,7 @@ def test_every_effect_name_is_here() -> None:
 
     tested = {case[0] for case in (*MOTOR_CASES, *LINK_CASES, *JOINT_CASES)}
     alone = {"presliding_hysteresis", "torque_gain", "torque_delay", "payload_error", "base_tilt"}
-    alone |= {"coupled_friction", "startup_friction"}
+    alone |= {"coupled_friction", "startup_friction", "torque_limit"}
     assert tuple(LAWS) == EFFECT_NAMES
     assert tested | alone == set(EFFECT_NAMES)
 

@@ -164,6 +164,7 @@ PICTURES: dict[str, Picture] = {
         (Curve(TrialMotion(CYCLE / 5, wave(1.0, 0.0, 5.0), wave(60.0, 0.0, 5.0)), (0.002,)),),
         "a swing at 5 rad/s",
     ),
+    "torque_limit": Picture("recorded torque τ [Nm]", torque, (Curve(swing(1.0, 60.0), (45.0,)),), "a swing"),
     "stiffness_hardening": Picture(LOAD, torque, (Curve(loaded(0.3), (2e7,)),), LOADING + ", K 5000 Nm/rad"),
     "backlash": Picture(LOAD, torque, (Curve(loaded(0.3), (0.001,)),), LOADING),
     "joint_damping": Picture(

@@ -85,7 +85,9 @@ class PredictionErrorBand:
         """Residuals of a model; `first_phase`, shape (n,): the first phase of each joint that counts."""
         point = Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
         residual = point.residual(fit.x)
-        used = np.ones(residual.shape, bool) if first_phase is None else self.phases >= first_phase
+        used = self.signals.known
+        if first_phase is not None:
+            used = used & (self.phases >= first_phase)
 
         def rms(names: Sequence[str]) -> tuple[float, ...]:
             rows = np.concatenate([np.arange(0), *(self.rows[name] for name in names)])

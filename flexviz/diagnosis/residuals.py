@@ -67,14 +67,14 @@ def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
 
 def chi_square(parts: Sequence[JointResiduals]) -> Array:
     """Mean square of each joint's whitened residual, shape (n,); 1 for noise."""
-    used = sum(np.count_nonzero(part.point.used) for part in parts)
-    return np.sum([np.sum(part.white**2, axis=0) for part in parts], axis=0) / max(used, 1)
+    used = np.sum([part.point.counted.sum(axis=0) for part in parts], axis=0)
+    return np.sum([np.sum(part.white**2, axis=0) for part in parts], axis=0) / np.maximum(used, 1)
 
 
 def _of_groups(fit: Fit, data: TwoBandData, point: Point) -> JointResiduals:
     two_band = data.with_layout(fit.layout)
     wide, blocks, used = two_band.wide.at(fit.x), two_band.blocks, point.used
-    residual = two_band.residual(wide, fit.x)
+    residual = two_band.residual(wide, fit.x) * two_band.known
     paths = noise_paths(fit.layout, fit.x, point.link)
     whiteners = two_band.joint_whiteners(paths)
     unknown: list[list[Pulses]] = [[] for _ in blocks]

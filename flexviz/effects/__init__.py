@@ -16,7 +16,7 @@ from flexviz.effects.names import (
     simplest,
 )
 from flexviz.effects.registry import EFFECTS
-from flexviz.effects.selection import ChosenEffect, choose_effects, named_effect
+from flexviz.effects.selection import ChosenEffect, choose_effects, everywhere, named_effect
 from flexviz.effects.terms import (
     SIGN_VELOCITY,
     Context,
@@ -61,6 +61,7 @@ __all__ = [
     "choose_effects",
     "curve_points",
     "draft_effect",
+    "everywhere",
     "family_of",
     "forget_effects",
     "free_curve",

@@ -98,7 +98,7 @@ class Effect(ABC):
         state: u depends on identified quantities (torque, link side, stiffness, f_mv).
         scope: what it belongs to. The parameters of an episode are its size, start and end.
         fewest_joints: number of joints that a robot needs to have it.
-        joint_optional: it belongs to the set, but may be restricted to one joint.
+        joint_optional: it belongs to the set, or to one joint; on all joints it replaces that on single ones.
         beside: another effect that it requires on its joint.
         replaces: an effect that it refines and therefore replaces on its joint.
         twins: effects that the same data usually cannot distinguish from it.
@@ -114,6 +114,7 @@ class Effect(ABC):
         only_among_many: a search for single effects leaves it out.
         after_rest: it acts on what follows a standstill only.
         scales_torque: its first parameter g scales the recorded torque by 1 + g.
+        limits_torque: its first parameter is a limit at which the recorded torque may be seen to stand.
         size_at: positions of the parameters that are zero when the effect is absent.
         stopgap: not physics: never a candidate, added only on request.
         sensed: an error of a torque sensor may be of the same form.
@@ -155,6 +156,7 @@ class Effect(ABC):
     only_among_many: ClassVar[bool] = False
     after_rest: ClassVar[bool] = False
     scales_torque: ClassVar[bool] = False
+    limits_torque: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     stopgap: ClassVar[bool] = False
     sensed: ClassVar[bool] = False
@@ -203,7 +205,14 @@ class Effect(ABC):
             return []
         if self.scope == "payload":
             return [EffectTarget(payload=payload) for payload in payloads]
-        return [EffectTarget()] if self.scope == "set" else [EffectTarget(j) for j in range(joints)]
+        each = [EffectTarget(j) for j in range(joints)]
+        if self.scope == "set":
+            return [EffectTarget(), *(each if self.joint_optional and joints > 1 else [])]
+        return each
+
+    def replaced_by(self, own: EffectTarget, other: EffectTarget) -> bool:
+        """Whether a model that has it at the other place, on all joints, has no use for its `own` one."""
+        return self.joint_optional and own.joint is not None and other.joint is None
 
     def constants(self, reach: Mapping[str, tuple[float, float]]) -> Array:
         """Its leading parameters, those that are `given`.

@@ -18,6 +18,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "torque_offset",
     "torque_gain",
     "torque_delay",
+    "torque_limit",
     "stiffness_hardening",
     "backlash",
     "joint_damping",

@@ -59,7 +59,8 @@ def choose_effects(
 ) -> tuple[ChosenEffect, ...]:
     """Resolve `name` (everywhere), `name:joint`, `name:payload` and `name:joint@group`.
 
-    Duplicates count once; an effect that another one replaces on its joint is left out.
+    Duplicates count once; an effect that another one replaces on its joint, or that acts on all joints as
+    well, is left out.
 
     Args:
         wanted: texts of effects.
@@ -74,7 +75,13 @@ def choose_effects(
         where = text.partition(":")[2]
         chosen |= dict.fromkeys(_places(text, named_effect(text), where, joints, payloads, groups))
     replaced = {(EFFECTS[c.effect].replaces, c.joint) for c in chosen}
-    return tuple(c for c in chosen if (c.effect, c.joint) not in replaced)
+    return tuple(c for c in chosen if (c.effect, c.joint) not in replaced and not everywhere(c, chosen))
+
+
+def everywhere(one: ChosenEffect, others: Iterable[ChosenEffect]) -> bool:
+    """Whether an effect of one joint is also among others on all joints at once, and so has no place."""
+    same = (other for other in others if other.effect == one.effect)
+    return any(EFFECTS[one.effect].replaced_by(one.place, other.place) for other in same)
 
 
 def named_effect(text: str, file: str | Path | None = None) -> Effect:
@@ -103,7 +110,7 @@ def _places(
         raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')
     if effect.scope == "episode":
         return [_episode(text, name, where, joints, groups)]
-    if effect.scope == "set":
+    if effect.scope == "set" and not (where and effect.joint_optional):
         if where:
             raise InputError(f'effect "{text}" belongs to no joint; write "{name}"')
         return [ChosenEffect(name)]

@@ -212,6 +212,10 @@ class Context(Protocol):
         """The same for the torque applied `delay` [s] later, shape (4, N)."""
         ...
 
+    def of_torque(self, joint: int, law: Callable[[Array], Array]) -> Array:
+        """Columns (C, M) that `law` makes of each stretch of raw torque (M,), filtered: shape (C, 3, N)."""
+        ...
+
     def link_state(self, joint: int) -> Array:
         """Link side q, q̇, q̈ at the current parameters, shape (3, N)."""
         ...

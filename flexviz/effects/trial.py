@@ -95,6 +95,9 @@ class TrialMotion:
     def delayed_tau(self, joint: int, delay: float) -> Array:
         return self.torque.at(self.time - delay, 4)
 
+    def of_torque(self, joint: int, law: Callable[[Array], Array]) -> Array:
+        return self.filtered([law(self.torque.at(self.time, 1)[0])], joint, 3)
+
     def link_state(self, joint: int) -> Array:
         return self.theta(joint)[:3] - self.torque.at(self.time, 3) / self.stiffness
 

@@ -103,12 +103,20 @@ class EffectContext:
         if key not in cache:
             out = np.empty((4, self.count()))
             for block in self._signals.blocks:
-                raw = block.segment.tau[:, joint : joint + 1]
+                raw = block.torque[:, joint : joint + 1]
                 shift = self._signals.torque_hold / 2 + delay
                 values = observer.derivatives(raw, block.segment.step, 4, delay=shift, stride=block.stride)
                 out[:, block.rows] = values[:, self._signals.kept(block), 0]
             cache[key] = out
         return cache[key]
+
+    def of_torque(self, joint: int, law: Callable[[Array], Array]) -> Array:
+        parts, observer = [], self._signals.observer_of(joint)
+        for block in self._signals.blocks:
+            raw, delay = law(block.segment.tau[:, joint]).T, self._signals.torque_hold / 2
+            values = observer.derivatives(raw, block.segment.step, 3, delay=delay, stride=block.stride)
+            parts.append(values[:, self._signals.kept(block)].transpose(2, 0, 1))
+        return np.concatenate(parts, axis=2)
 
     def link_state(self, joint: int) -> Array:
         return self._q[:, :, joint]

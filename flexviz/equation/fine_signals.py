@@ -127,6 +127,6 @@ def _filtered(block: Block, wide_hertz: Array, narrow_hertz: Array, delay: float
     position, velocity = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
     narrow = ButterworthZeroPhase(2 * np.pi * narrow_hertz)
     theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
-    tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
+    tau = narrow.derivatives(block.torque, segment.step, 2, delay=delay, stride=stride)
     time, step = segment.time[::stride], segment.step * stride
     return FineSignals(time, step, position, velocity, theta, tau, narrow_hertz)

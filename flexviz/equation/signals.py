@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
-from flexviz.measurements import Group, MeasurementSet, Segment
+from flexviz.measurements import Group, MeasurementSet, SeenLimit, Segment, bridged_torque
 from flexviz.observers import Observer
 
 MIN_SAMPLES = 10  # of a segment without its transients
 FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
+KNOWN = (1e-3, 1e-2, 0.1)  # share of plateaus in a filtered torque, from which on it is not known
+LEAST_KNOWN = 0.1  # of the samples: a smaller share of plateaus is asked for only where this many are left
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Block:
     rows: slice  # where its samples are
     segment: Segment  # the raw segment
     stride: int  # raw samples per equation sample
+    torque: Array  # (N_raw, n), the recorded torque, bridged where it saturates [Nm]
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Signals:
     tau: Array  # (3, N, n) [Nm/s^k]
     observer: Observer  # what made them
     torque_hold: float  # [s]
+    # (N, n), samples that count: not those with more than a little of a saturated torque in them
+    known: Bools
     # effects see the transmission torque beyond the observer's band, too. A plain fit starts from values too
     # rough for that
     sharp: bool = False
@@ -58,6 +63,10 @@ class Signals:
         """Names of the groups of which no stretch is longer than the observer's transients."""
         seen = {block.group for block in self.blocks}
         return tuple(group.name for k, group in enumerate(self.groups) if k not in seen)
+
+    def mean_square(self, residual: Array) -> Array:
+        """Of a residual (N, n) over the samples of known torque, shape (n,)."""
+        return np.sum(residual**2 * self.known, axis=0) / np.maximum(self.known.sum(axis=0), 1)
 
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
@@ -118,11 +127,10 @@ def build_signals(
     Raises:
         InputError: if no samples are left after the transients.
     """
-    shortest = min((float(np.ptp(s.time)) for g in groups for s in g.segments), default=0.0)
-    start, end = (min(seconds, longest_edge * shortest) for seconds in drop or observer.settling())
-    delay = measurements.torque_hold / 2
-    blocks: list[Block] = []
-    times, thetas, taus, row = [], [], [], 0
+    most = longest_edge * min((float(np.ptp(s.time)) for g in groups for s in g.segments), default=0.0)
+    start, end = (min(seconds, most) for seconds in (observer.settling() if drop is None else drop))
+    delay, limits, row = measurements.torque_hold / 2, measurements.seen_limits, 0
+    blocks, times, thetas, taus, shares = list[Block](), [], [], [], []
     for index, group in enumerate(groups):
         for segment in group.segments:
             stride = strides(segment) or equation_stride(segment, observer, sample_step, exact_step)
@@ -132,11 +140,12 @@ def build_signals(
                 continue
             watch()
             theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)
-            tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)
+            torque, tau, spoilt = bridged(segment, limits, observer, stride, delay)
             times.append(time[keep])
             thetas.append(theta[:, keep])
             taus.append(tau[:, keep])
-            blocks.append(Block(index, slice(row, row + count), segment, stride))
+            shares.append(spoilt[keep])
+            blocks.append(Block(index, slice(row, row + count), segment, stride, torque))
             row += count
     if not blocks:
         raise _nothing_left(groups, observer, start + end)
@@ -149,6 +158,7 @@ def build_signals(
         tau=np.concatenate(taus, axis=1),
         observer=observer,
         torque_hold=measurements.torque_hold,
+        known=_known(np.concatenate(shares)),
     )
 
 
@@ -156,6 +166,31 @@ def _payloads(measurements: MeasurementSet, groups: Sequence[Group]) -> Array:
     """The known payload's inertial parameters of each group, shape (G, n, 10)."""
     payload = [measurements.robot.payload_parameters(g.bodies) for g in groups]
     return np.array(payload).reshape(-1, len(measurements.joints), 10)
+
+
+def bridged(
+    segment: Segment, limits: Sequence[SeenLimit], observer: Observer, stride: int, delay: float
+) -> tuple[Array, Array, Array]:
+    """A segment's torque without plateaus, (N_raw, n), filtered, (3, N, n), and their share in it, (N, n)."""
+    torque, unknown = bridged_torque(segment.tau, limits)
+    tau = observer.derivatives(torque, segment.step, 3, delay=delay, stride=stride)
+    if unknown is None:
+        return torque, tau, np.zeros(tau.shape[1:])
+    share = observer.derivatives(unknown.astype(float), segment.step, 1, delay=delay, stride=stride)
+    return torque, tau, np.abs(share[0])
+
+
+def _known(spoilt: Array) -> Bools:
+    """Samples that count, from the share of plateaus in each filtered torque, shape (N, n) each.
+
+    A torque enters the equations of all joints, through the deflection of its own one: where that leaves
+    enough samples, no equation counts while any torque is not known.
+    """
+    for share in KNOWN:
+        rows = np.max(spoilt, axis=1) < share
+        if np.mean(rows) >= LEAST_KNOWN:
+            return np.repeat(rows[:, None], spoilt.shape[1], axis=1)
+    return spoilt < KNOWN[-1]
 
 
 def _nothing_left(groups: Sequence[Group], observer: Observer, transients: float) -> InputError:

@@ -30,7 +30,7 @@ class Solution:
         x: shape (P,).
         point: operating point of the effects.
         evaluation: the equation at x.
-        weights: shape (N, n), 1/σ of each sample and joint [1/Nm].
+        weights: shape (N, n), 1/σ of each sample and joint [1/Nm]; 0 where a torque is not known.
         objective: ½ Σ (r/σ)² + prior.
         at_bound: shape (P,), parameters held at a bound.
         converged: the last step was negligible.
@@ -148,10 +148,10 @@ class PlainProblem:
         return new, not changed and np.allclose(new.weights, now.weights, rtol=0.02)
 
     def _weighted(self, now: Solution) -> Solution:
-        floor = 1e-9 * np.sqrt(np.mean(self.equation.signals.tau[0] ** 2, axis=0)) + 1e-12
-        sigma = np.sqrt(np.mean(now.evaluation.residual**2, axis=0))
-        weights = self.equation.layout.fitted / np.maximum(sigma, floor)
-        weights = np.broadcast_to(weights, now.evaluation.residual.shape)
+        signals = self.equation.signals
+        floor = 1e-9 * np.sqrt(np.mean(signals.tau[0] ** 2, axis=0)) + 1e-12
+        sigma = np.sqrt(signals.mean_square(now.evaluation.residual))
+        weights = signals.known * (self.equation.layout.fitted / np.maximum(sigma, floor))
         return replace(
             now, weights=weights, objective=weighted_cost(now.evaluation, weights, self.prior, now.x)
         )

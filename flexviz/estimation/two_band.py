@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.arrays import Array, Indices
+from flexviz.arrays import Array, Bools, Indices
 from flexviz.effects import EFFECTS
 from flexviz.equation import (
     Equation,
@@ -149,6 +149,11 @@ class TwoBandData:
         return other
 
     @property
+    def known(self) -> Bools:
+        """Samples of the residual whose torque is known, shape (N, n)."""
+        return self._signals[0].known
+
+    @property
     def has_products(self) -> bool:
         """Whether products of signals are formed before they are filtered."""
         return self._products is not None
@@ -215,7 +220,7 @@ class TwoBandData:
                 # the ridge is a share of the noise without the input
                 cov[0] += max(ridge, INPUT_RIDGE * kept) * size * np.eye(self.layout.n)
                 ridge = 0.0
-            out.append(whitener(cov, model.every, ridge, self.watch))
+            out.append(whitener(cov, model.every, ridge, self.known[block.rows], self.watch))
         return out
 
     def joint_whiteners(self, paths: Sequence[NoisePath]) -> list[list[Whitener]]:
@@ -232,7 +237,8 @@ class TwoBandData:
                 own = [replace(path, matrices=path.matrices[:, :, j : j + 1]) for path in paths]
                 cov = paths_covariance(own, kernels, self.noise, block.rows)
                 cov[0] *= 1 + 1e-9
-                out[-1].append(whitener(cov, self.noise_model.every))
+                known = self.known[block.rows, j : j + 1]
+                out[-1].append(whitener(cov, self.noise_model.every, known=known))
         return out
 
     def _kernels(self, paths: Sequence[NoisePath]) -> list[list[Array]]:

@@ -100,19 +100,24 @@ class Point:
         return [b.rows for b in self.two_band.blocks]
 
     @property
+    def counted(self) -> Bools:
+        """Samples and joints that count, shape (N, n): outside the transients, and of known torque."""
+        return self.used[:, None] & self.two_band.known
+
+    @property
     def chi(self) -> Array:
         """Mean square of each joint's whitened residual, shape (n,); 1 for noise, and without a torque."""
-        found = np.sum(self.r**2, axis=0) / max(np.count_nonzero(self.used), 1)
+        found = np.sum(self.r**2, axis=0) / np.maximum(self.counted.sum(axis=0), 1)
         return np.where(self.two_band.layout.fitted, found, 1.0)
 
     @property
     def noise_objective(self) -> float:
-        """Σ_j N log max(χ_j, 1): twice the negative log likelihood of residuals above their noise.
+        """Σ_j N_j log max(χ_j, 1): twice the negative log likelihood of residuals above their noise.
 
         With that of the transients, which another model may not have.
         """
-        count = np.count_nonzero(self.used)
-        return count * float(np.log(np.maximum(self.chi, 1.0)).sum()) + self.transients
+        counts = self.counted.sum(axis=0)
+        return float(counts @ np.log(np.maximum(self.chi, 1.0))) + self.transients
 
     @property
     def objective(self) -> float:

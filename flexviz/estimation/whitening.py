@@ -21,7 +21,7 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from flexviz._scipy import sp
-from flexviz.arrays import Array, Indices
+from flexviz.arrays import Array, Bools, Indices
 from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
 from flexviz.fourier import fast_length, line_counts
 from flexviz.observers import Observer
@@ -41,11 +41,13 @@ class Whitener:
         at: shape (T,), samples at which they are kept; the first and the last one are among them.
         weights: shape (p, T, n, n), prediction of sample t from sample t−1−k.
         factors: shape (T, n, n), inverse Cholesky factor of the prediction error's covariance [1/Nm].
+        known: shape (N, n), samples that count, the others are zero; None: all.
     """
 
     at: Indices
     weights: Array
     factors: Array
+    known: Bools | None = None
 
     @property
     def order(self) -> int:
@@ -75,6 +77,8 @@ class Whitener:
         """
         flat = y.reshape(*y.shape[:2], -1)
         order, n = self.order, y.shape[1]
+        if self.known is not None:
+            flat = flat * self.known[start : start + len(flat), :, None]
         out = np.empty(flat.shape)  # C order, whatever that of y: weightings change it in place
         for first, last in _chunks(len(flat)):
             predictor, scale = self.maps(np.arange(start + first, start + last))
@@ -100,7 +104,7 @@ class Whitener:
                     out[first + skipped - k - 1 : last - k - 1] -= (
                         matrix[skipped:].transpose(0, 2, 1) @ scaled[skipped:]
                     )
-        return out
+        return out if self.known is None else out * self.known[: len(z), :, None]
 
 
 def _chunks(count: int) -> list[tuple[int, int]]:
@@ -256,9 +260,15 @@ def noise_score_covariance(
 
 
 def whitener(
-    covariance: Array, every: int = 1, ridge: float = 0.0, watch: Callable[[], None] = lambda: None
+    covariance: Array,
+    every: int = 1,
+    ridge: float = 0.0,
+    known: Bools | None = None,
+    watch: Callable[[], None] = lambda: None,
 ) -> Whitener:
     """Whitener from the covariance of the residual.
+
+    A sample that is not known predicts no other one: it counts as independent.
 
     Args:
         covariance: Cov(r_t, r_{t−k}), shape (p + 1, N, n, n).
@@ -267,8 +277,13 @@ def whitener(
         ridge: share of the variance added to that of the preceding samples. Without it, the predictor
             amplifies the stop band of the filter, where a sharp reversal leaves more than noise. Unit
             variance stays exact.
+        known: shape (N, n), samples that count; then `every` is 1.
         watch: called now and then; may raise to stop.
     """
+    if known is not None and known.all():
+        known = None
+    if known is not None:
+        covariance, every = _of_known(covariance, known), 1
     order, count, n = len(covariance) - 1, covariance.shape[1], covariance.shape[2]
     every = min(every, max(1, (count - order - 1) // 2))
     begun = np.arange(min(order, count))  # the first samples have fewer before them
@@ -281,7 +296,17 @@ def whitener(
         watch()
         part = slice(start, min(start + chunk, len(at)))
         weights[part], scale[part] = _predict(covariance, at[part], ridge)
-    return Whitener(at, np.ascontiguousarray(weights.transpose(1, 0, 2, 3)), scale)
+    return Whitener(at, np.ascontiguousarray(weights.transpose(1, 0, 2, 3)), scale, known)
+
+
+def _of_known(covariance: Array, known: Bools) -> Array:
+    """The covariance in which samples that are not `known`, (N, n), are independent of all others."""
+    out = covariance.copy()
+    for lag, part in enumerate(out[:, :]):
+        part[lag:] *= known[lag:, :, None] & known[: len(known) - lag, None, :]
+    sample, joint = np.nonzero(~known)
+    out[0, sample, joint, joint] = np.mean(covariance[0].diagonal(axis1=1, axis2=2), axis=0)[joint]
+    return out
 
 
 def _predict(covariance: Array, t: Indices, ridge: float) -> tuple[Array, Array]:

@@ -182,6 +182,11 @@ COVERAGE = {
         PerJoint("delay from commanded to applied torque [s]", "torque_delay", "delay", always=True),
         Written("delay of the actuator"),
     ),
+    "torque_limit": Coverage(
+        LeftOut("the code states the torque that a motion takes, whatever the drive can give"),
+        Written("force range of the actuator"),
+        LeftOut("the effort limits of a URDF are those of its author"),
+    ),
     "cable_spring": Coverage(
         PerJoint("spring on the link [Nm/rad]", "spring", "stiffness", SPRING_TORQUE),
         Written("stiffness of the link's joint"),

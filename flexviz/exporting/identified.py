@@ -13,7 +13,7 @@ import numpy as np
 
 from flexviz import __version__
 from flexviz.arrays import Array
-from flexviz.effects import named_effect
+from flexviz.effects import EFFECTS, named_effect
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
@@ -68,6 +68,15 @@ class IdentifiedRobot:
     def robot(self) -> Robot:
         """The robot of the set, with its CAD inertias."""
         return self.measurements.robot
+
+    @property
+    def torque_limits(self) -> dict[str, float]:
+        """Joint → limit of its torque [Nm], of the joints that have one."""
+        return {
+            e.joint: next(iter(e.parameters.values()))
+            for e in self.model.effects
+            if e.joint is not None and EFFECTS[e.effect].limits_torque
+        }
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -215,6 +215,7 @@ def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) 
 def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str], step: float) -> None:
     laws = identified.laws
     actuator, sensor = _add(root, "actuator"), _add(root, "sensor")
+    limits = identified.torque_limits
     for i, joint in enumerate(identified.joints):
         delay, more = laws["torque_delay"][i], {}
         if delay > 0.0:
@@ -222,6 +223,8 @@ def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str]
         if laws["offset"][i]:
             more |= {"biastype": "affine", "biasprm": (-laws["offset"][i], 0.0, 0.0)}
         gain = {"gaintype": "fixed", "gainprm": 1.0 + laws["gain_error"][i]}
+        if limits.get(joint, 0.0) > 0.0:
+            more["forcerange"] = (-limits[joint], limits[joint])
         _add(actuator, "general", name=joint, joint=names[joint], **gain, **more)
         for signal, place in (("theta", names[joint]), ("q", joint)):
             _add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)

@@ -33,7 +33,7 @@ from flexviz.identification.reversals import rms_between_reversals
 from flexviz.identification.settings import FitOptions, FitSettings, fit_settings
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
-from flexviz.measurements import Group, MeasurementSet, no_torque_text, silent_joints
+from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, silent_joints
 from flexviz.model import FlexibleModel
 from flexviz.noise import check_signals, segments_noise
 from flexviz.progress import ProgressCallback, StopCallback
@@ -97,6 +97,8 @@ def identify(
     message += holds_text(plain, result.model)
     if silent := no_torque_text(silent_joints(measurements)):
         message += f"; {silent}"
+    if saturated := saturated_text(measurements.seen_limits, measurements.joints):
+        message += f"; {saturated}"
     return remember(replace(result, message=message, seconds=time.perf_counter() - began), measurements)
 
 
@@ -263,16 +265,16 @@ def _residuals(
     if held_out is not None:
         result = held_out.evaluate(outcome.x)
         series |= _series(held_out, result)
-        rms_validation = _rms(result.residual)
-    rms = _rms(evaluation.residual)
+        rms_validation = _rms(held_out, result)
+    rms = _rms(equation, evaluation)
     floors, spread = tuple(map(float, floor)), measurements.torque_spread
     point = equation.at(outcome.x, plain.solution.point)
     between = rms_between_reversals(equation, evaluation, point, outcome.x, floor)
     return ResidualSummary(layout.joints, rms, rms_validation, floors, spread, between), series
 
 
-def _rms(residual: Array) -> tuple[float, ...]:
-    return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))
+def _rms(equation: Equation, evaluation: Evaluation) -> tuple[float, ...]:
+    return tuple(map(float, np.sqrt(equation.signals.mean_square(evaluation.residual))))
 
 
 def _series(equation: Equation, evaluation: Evaluation) -> dict[str, ResidualSeries]:

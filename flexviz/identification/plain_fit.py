@@ -108,7 +108,9 @@ class PlainFit:
     @property
     def size(self) -> float:
         """Log of the residual's mean square, summed over the joints."""
-        return float(np.log(np.mean(self.solution.evaluation.residual**2, axis=0) + 1e-300).sum())
+        return float(
+            np.log(self.equation.signals.mean_square(self.solution.evaluation.residual) + 1e-300).sum()
+        )
 
     def stated(self, held: Sequence[Bools]) -> list[tuple[Covariance, Covariance]]:
         """Covariances with parameters held, (P,) each: with what the model lacks, and of chance alone.
@@ -129,10 +131,9 @@ class PlainFit:
         solution, signals = self.solution, self.equation.signals
         noise = segments_noise([b.segment for b in signals.blocks])
         link = solution.evaluation.link
-        floor = (
-            residual_noise(signals, self.equation.layout, solution.x, link, noise) * solution.weights[0] ** 2
-        )
-        chi = np.mean(solution.whitened[0] ** 2, axis=0)
+        weights = solution.weights.max(axis=0)
+        floor = residual_noise(signals, self.equation.layout, solution.x, link, noise) * weights**2
+        chi = signals.mean_square(solution.whitened[0])
         return np.where(chi > ESTIMATION.noise_explains * floor, chi - floor, 0.0)
 
     @cached_property

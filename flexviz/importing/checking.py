@@ -13,7 +13,15 @@ from flexviz.importing.mapping import Issue, Mapping
 from flexviz.importing.plausibility import check_groups
 from flexviz.importing.proposals import Proposal
 from flexviz.importing.samples import SPOILT, check_samples, without_stretches
-from flexviz.measurements import TorqueRun, no_torque_text, silent_torques
+from flexviz.measurements import (
+    SATURATED,
+    Segment,
+    TorqueRun,
+    no_torque_text,
+    pieces,
+    seen_limits,
+    silent_torques,
+)
 from flexviz.robot import PayloadBody, Robot
 
 
@@ -45,7 +53,7 @@ def check_all(
     found += [issue for issue in samples if issue.kind not in SPOILT]
     quiet = {joint for issue in silent for joint in issue.joints}
     told = [issue for issue in found if issue.kind != "unexplained" or not quiet.issuperset(issue.joints)]
-    return [*told, *silent]
+    return [*told, *silent, *check_saturated(mapping, groups)]
 
 
 def _without_torques(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[AssembledGroup]:
@@ -80,3 +88,15 @@ def check_silent(
     key = Proposal(("model",), "no_torque", [*stated, *found])
     message = f"{no_torque_text(found)}: the motion of such a joint counts all the same"
     return [Issue("no_torque", "odd", tuple(found), "tau", message, proposals=(key,))]
+
+
+def check_saturated(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]:
+    """Torques that stand at a limit while their joints move: one issue per joint."""
+    segments = []
+    for table in (group.table for group in groups):
+        step = float(np.median(np.diff(table.time)))
+        segments += [Segment(table.time[p], table.theta[p], table.tau[p], step) for p in pieces(table.time)]
+    return [
+        Issue("saturated", "odd", (mapping.names[one.joint],), "tau", f"it {one.text}: {SATURATED}")
+        for one in seen_limits(segments)
+    ]

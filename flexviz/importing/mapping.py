@@ -233,7 +233,7 @@ class Fix:
 IssueKind = Literal[
     "unit", "sign", "zero", "coupling", "swapped", "order", "mounting", "gravity", "payload", "delay",
     "clock", "unexplained", "messages", "wrapped", "dropped", "outliers", "jumps",
-    "repeated", "stale", "constant", "held", "contact", "filtered", "no_torque",
+    "repeated", "stale", "constant", "held", "contact", "filtered", "no_torque", "saturated",
 ]  # fmt: skip
 
 

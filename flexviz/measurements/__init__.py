@@ -14,6 +14,13 @@ from flexviz.measurements.holds import HoldGroup, Holds, find_holds
 from flexviz.measurements.measurement_set import MeasurementSet, fingerprint, require_unchanged
 from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_set
+from flexviz.measurements.saturation import (
+    SATURATED,
+    SeenLimit,
+    bridged_torque,
+    saturated_text,
+    seen_limits,
+)
 from flexviz.measurements.schema import (
     FILE_NAME,
     Clamped,
@@ -34,6 +41,7 @@ __all__ = [
     "GAP",
     "OPTIONAL_SIGNALS",
     "POINTS",
+    "SATURATED",
     "SUFFIXES",
     "Array",
     "Clamped",
@@ -46,6 +54,7 @@ __all__ = [
     "Holds",
     "MeasurementSet",
     "SampledMotion",
+    "SeenLimit",
     "Segment",
     "SetHeader",
     "SetOverview",
@@ -53,6 +62,7 @@ __all__ = [
     "TorqueRun",
     "TorqueSide",
     "bridge",
+    "bridged_torque",
     "check_clamped",
     "check_free",
     "find_holds",
@@ -69,6 +79,8 @@ __all__ = [
     "require_unchanged",
     "row_name",
     "sample_motion",
+    "saturated_text",
+    "seen_limits",
     "silent_joints",
     "silent_torques",
     "write_set",

@@ -26,6 +26,7 @@ from flexviz.measurements.group_reading import (
     without_scraps,
 )
 from flexviz.measurements.holds import HoldGroup
+from flexviz.measurements.saturation import SeenLimit, seen_limits
 from flexviz.measurements.schema import MeasurementFile, TorqueSide, parse
 from flexviz.measurements.segments import Segmented
 from flexviz.measurements.set_document import SetProperties, set_document
@@ -166,6 +167,11 @@ class MeasurementSet:
         """Standard deviation of each joint's recorded torque over all groups [Nm]; 0 without a signal."""
         torque = [segment.tau for group in self.groups for segment in group.segments]
         return tuple(map(float, np.std(np.concatenate(torque), axis=0))) if torque else ()
+
+    @cached_property
+    def seen_limits(self) -> tuple[SeenLimit, ...]:
+        """Limits at which recorded torques stand, of the joints whose torque saturates."""
+        return seen_limits([segment for group in self.groups for segment in group.segments])
 
     @property
     def fit_groups(self) -> tuple[Group, ...]:

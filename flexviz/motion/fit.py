@@ -232,7 +232,8 @@ class MotionContext:
     @property
     def used(self) -> list[NDArray[np.bool_]]:
         """Samples of each part that count, shape (N, n)."""
-        return [(phase >= self.first_phase) & self._fitted for phase in self.phases]
+        pairs = zip(self.phases, self.parts, strict=True)
+        return [(phase >= self.first_phase) & self._fitted & part.known for phase, part in pairs]
 
     def equation(self, layout: Layout, part: int = 0) -> Equation:
         """Equation of one of the parts."""

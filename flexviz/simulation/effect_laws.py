@@ -24,6 +24,7 @@ class TorquePath:
 
     gain_error: Array  # (n,), g [-]
     delay: Array  # (n,) [s]
+    limit: Array  # (n,), beyond which a command does not act, or is not recorded [Nm]
 
 
 @dataclass
@@ -121,6 +122,11 @@ def _torque_delay(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
     made.path.delay[list(joints)] += p["delay"]
 
 
+def _torque_limit(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    if p["limit"] > 0.0:
+        made.path.limit[list(joints)] = p["limit"]
+
+
 def _payload_error(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
     made.bodies = tuple(scaled_body(body, 1.0 + p["relative_mass_error"]) for body in made.bodies)
 
@@ -166,6 +172,7 @@ LAWS: dict[str, EffectLaw] = {
     "torque_offset": motor(laws.torque_offset),
     "torque_gain": EffectLaw(_torque_gain),
     "torque_delay": EffectLaw(_torque_delay, not_negative=("delay",)),
+    "torque_limit": EffectLaw(_torque_limit, not_negative=("limit",)),
     "stiffness_hardening": elastic(lambda law, p: replace(law, cubic=law.cubic + p["cubic_stiffness"])),
     "backlash": elastic(
         lambda law, p: replace(law, half_width=law.half_width + p["half_width"]), ("half_width",)

@@ -55,10 +55,11 @@ class Loop:
         theta, speed = x[n : 2 * n], x[3 * n : 4 * n]
         target, smooth, feedback = self.target, self.smooth, self.feedback
         states, torques = np.empty((cycles, len(x))), np.empty((cycles, n))
-        sent = torques if self.compensate is None else np.empty_like(torques)
+        sent = np.empty_like(torques)
         advance = stepper(self.plant, x)
         fine = self._substeps(x)
-        gain = 1.0 + self.torque_path.gain_error
+        gain, limit = 1.0 + self.torque_path.gain_error, self.torque_path.limit
+        limited = bool(np.isfinite(limit).any())
         straight = not self.torque_path.delay.any() and not self.torque_path.gain_error.any()
         parts = self._parts(fine)
         columns = np.arange(n)
@@ -74,7 +75,7 @@ class Loop:
             torques[k] = tau
             if self.compensate is not None:
                 tau = tau + self.compensate(k, tau)
-            sent[k] = tau
+            sent[k] = tau = np.clip(tau, -limit, limit) if limited else tau
             now = k * cycle
             if straight:
                 advance(tau, now, cycle, fine)

@@ -111,16 +111,33 @@ def simulate_run(
     feedback = _feedback(robot, sensors, x, len(time), cycle, seed)
     beside = None if compensation is None else _compensate(robot, compensation, velocity)
     target = kp * position + kd * velocity
-    loop = Loop(plant, torque_path, target, kp, kd, cycle, smooth, feedback, beside, step)
+    # the record saturates, the motor gets all that is commanded
+    path, record_limit = replace(torque_path, limit=np.full(n, np.inf)), torque_path.limit
+    loop = Loop(plant, path, target, kp, kd, cycle, smooth, feedback, beside, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
     hold = cycle
     if sensors is not None and sensors.torque_filter:
         torques, hold = sensors.filtered(torques, cycle), 0.0
     run = to_run(robot, plant, time[::every], states[::every], torques[::every], position[::every], hold)
-    if feedback is not None and sensors is not None:
-        noise = (robot.from_pin(x[::every]) for x in (feedback.noise, feedback.torque_noise))
-        return run.with_noise(sensors, *noise)
-    return run if sensors is None else run.measured(sensors, seed)
+    return _limited(_measured(run, robot, sensors, feedback, every, seed), robot, record_limit)
+
+
+def _measured(
+    run: Run, robot: Robot, sensors: Sensors | None, feedback: Feedback | None, every: int, seed: Seed
+) -> Run:
+    """The run as its sensors record it, with the noise that the controller saw."""
+    if sensors is None:
+        return run
+    if feedback is None:
+        return run.measured(sensors, seed)
+    noise = (robot.from_pin(x[::every]) for x in (feedback.noise, feedback.torque_noise))
+    return run.with_noise(sensors, *noise)
+
+
+def _limited(run: Run, robot: Robot, limit: Array) -> Run:
+    """The run with a recorded torque within ±limit (n,), in Pinocchio's joint order [Nm]."""
+    most = robot.from_pin(limit)
+    return replace(run, tau=np.clip(run.tau, -most, most)) if np.isfinite(most).any() else run
 
 
 def _feedback(

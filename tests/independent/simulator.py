@@ -251,8 +251,9 @@ def simulate(setup: Setup, step: float | None = None) -> Record:
     work = Clockwork(setup)
     h = setup.step() if step is None else step
     every, per_hold = round(RECORD / h), round(setup.hold / h) if setup.hold else 1
-    gain, delay = _sensing(setup)
-    assert abs(every * h - RECORD) < 1e-12 and every % per_hold == 0 and (setup.hold or not delay)
+    gain, delay, limit = _sensing(setup)
+    plain = not delay.any() and not np.isfinite(limit).any()
+    assert abs(every * h - RECORD) < 1e-12 and every % per_hold == 0 and (setup.hold or plain)
     warm = round(WARM_UP / RECORD) * every
     rows = round(setup.duration / RECORD)
     ticks = h * per_hold * np.arange(-(warm // per_hold), rows * every // per_hold + 1)
@@ -270,20 +271,25 @@ def simulate(setup: Setup, step: float | None = None) -> Record:
         if not setup.hold:
             y = work.following(k * h, y, h, gain)
         else:
-            acting = torques[-1] if not delay else _acting(torques, (k + warm) * h - delay, h, setup.hold)
-            y = work.held(k * h, y, h, gain * acting)
+            acting = torques[-1]
+            for late in np.unique(delay[delay > 0]):
+                then = _acting(torques, (k + warm) * h - float(late), h, setup.hold)
+                acting = np.where(delay == late, then, acting)
+            y = work.held(k * h, y, h, gain * np.clip(acting, -limit, limit))
     return _record(setup, work, state, tau)
 
 
-def _sensing(setup: Setup) -> tuple[Array, float]:
-    """Acting torque over recorded torque, shape (runs · n,), and how much later it acts [s]."""
-    gain, delay = np.ones(setup.n), 0.0
+def _sensing(setup: Setup) -> tuple[Array, Array, Array]:
+    """Acting over recorded torque, how much later it acts [s], and its limit [Nm], shape (runs · n,) each."""
+    gain, delay, limit = np.ones(setup.n), np.zeros(setup.n), np.full(setup.n, np.inf)
     for e in setup.effects:
         if e.name == "torque_gain" and e.joint is not None:
             gain[e.joint] += e.values["gain_error"]
         if e.name == "torque_delay":
-            delay += e.values["delay"]
-    return np.tile(gain, setup.runs), delay
+            delay[slice(None) if e.joint is None else e.joint] += e.values["delay"]
+        if e.name == "torque_limit" and e.joint is not None:
+            limit[e.joint] = e.values["limit"]
+    return np.tile(gain, setup.runs), np.tile(delay, setup.runs), np.tile(limit, setup.runs)
 
 
 def _acting(torques: Sequence[Array], begin: float, step: float, hold: float) -> Array:
