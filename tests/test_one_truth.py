@@ -111,14 +111,15 @@ PRINTED = """
  error of the held-out groups [% of the torque]  joint1  joint2  mean  verdict
  ─────────────────────────────────────────────────────────────────────────────
  present model                                     8.70    5.30  7.00  missing
- + Backlash on joint1                              9.20    4.10  6.60  unknown
+ + Backlash on joint1                             9.20    4.10  6.60  unknown
 
  error of the last model [Nm]                     1.69   0.800
 """
 
 
 def test_printed_errors() -> None:
-    assert printed_errors(PRINTED, 2) == [[8.7, 5.3], [9.2, 4.1]]
+    assert printed_errors(PRINTED, 2) == [(0, [8.7, 5.3]), (1, [9.2, 4.1])]
+    assert [n for n, _ in printed_errors(PRINTED.replace("joint1 ", "joints 1, 2 and 3  "), 2)] == [0, 3]
     assert printed_errors("nothing", 2) == []
 
 

@@ -21,6 +21,7 @@ WORSE, LONGEST_CPU = 1.02, 60.0  # held-out error over that of the best guess; [
 ALIKE, SAME_VALUE = 0.02, 0.2  # two fits of one model: errors, and values in standard errors
 LIMIT_ERROR, ROUNDED = 0.02, 0.01  # of a torque's limit; of printed errors
 DELAY, FRICTION = "torque_delay", "coulomb_friction"
+LIMIT = f"saturation named, limit within {100 * LIMIT_ERROR:g} %"
 MANY = ("robotlike", "plain_guess")  # their sets hide many effects
 PLACE = ("name", "joint", "group", "payload")  # of a parameter
 Checks = dict[str, bool]
@@ -128,7 +129,7 @@ def _torque_scale(of: Answers) -> Checks:
         late = {effect_text(e) for e in of.hidden}
         return {"late torque named": late <= {a.name for a in of.judged.additions}}
     errors = [v.error for v in of.judged.values if v.name == "torque_limit.limit"]
-    return {"saturation named, limit within 2 %": bool(errors) and max(errors) <= LIMIT_ERROR}
+    return {LIMIT: bool(errors) and max(errors) <= LIMIT_ERROR}
 
 
 def _small(of: Answers) -> Checks:
@@ -151,36 +152,31 @@ def _filters(of: Answers) -> Checks:
 
 
 def _staircase(of: Answers) -> Checks:
-    """No step whose printed error rises on a joint where the held-out error in Nm falls."""
+    """No row whose printed error rises on a joint where the held-out error in Nm falls."""
     steps = [s["rms_validation"] or s["rms"] for s in of.found.get("steps", [])]
-    printed = printed_errors(of.part(FOUND).get("printed", ""), len(steps[0]) if steps else 0)
-    if len(printed) != len(steps):
+    rows = printed_errors(of.part(FOUND).get("printed", ""), len(steps[0]) if steps else 0)
+    ends = np.cumsum([added for added, _ in rows])
+    if not rows or ends[-1] != len(steps) - 1:
         return {"a staircase is printed": False} if len(steps) > 1 else {}
-    rises = np.array(printed[1:]) > (1 + ROUNDED) * np.array(printed[:-1])
-    falls = np.array(steps[1:]) < (1 - ROUNDED) * np.array(steps[:-1])
+    printed, errors = np.array([numbers for _, numbers in rows]), np.array(steps)[ends]
+    rises, falls = printed[1:] > (1 + ROUNDED) * printed[:-1], errors[1:] < (1 - ROUNDED) * errors[:-1]
     return {"no printed error rises where that in Nm falls": not np.any(rises & falls)}
 
 
-def printed_errors(text: str, joints: int) -> list[list[float]]:
-    """The numbers of the joints in each row of the printed table of held-out errors."""
-    out: list[list[float]] = []
+def printed_errors(text: str, joints: int) -> list[tuple[int, list[float]]]:
+    """How many effects each row of the printed table of held-out errors adds, and its joints' numbers."""
+    out: list[tuple[int, list[float]]] = []
     for line in text.partition("error of the held-out groups")[2].splitlines()[1:]:
         row = re.match(r"\s*(present model|[+−] .*?)\s{2,}(.*)", line)
         if row:
-            out.append([float(x) for x in re.findall(r"(?<!\S)[\d.]+(?:e-?\d+)?(?!\S)", row[2])[:joints]])
+            numbers = re.findall(r"(?<!\S)[\d.]+(?:e[+-]?\d+)?(?!\S)", row[2])[:joints]
+            together = re.split(", | and ", row[1].partition(" on joints ")[2])
+            out.append((len(together) * (row[1] != "present model"), [float(x) for x in numbers]))
         elif out:
             break
-    return [row for row in out if len(row) == joints]
+    return [row for row in out if len(row[1]) == joints]
 
 
-CHECKS: dict[str, Callable[[Answers], Checks]] = {
-    "plain_guess": _plain_guess,
-    "same_model": _same_model,
-    "clean": _clean,
-    "two_effects": _two_effects,
-    "torque_scale": _torque_scale,
-    "small": _small,
-    "filters": _filters,
-    "staircase": _staircase,
-}
+_ALL = _plain_guess, _same_model, _clean, _two_effects, _torque_scale, _small, _filters, _staircase
+CHECKS: dict[str, Callable[[Answers], Checks]] = {one.__name__[1:]: one for one in _ALL}
 """Study → what it asks of a set, and whether that holds."""

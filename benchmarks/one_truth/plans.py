@@ -37,14 +37,8 @@ CLIPPED, SHARES, CLIPPED_NOISE = 20, (0.6, 0.9), 1e-4
 SMALL = {"unmodelled": 16, "two-small": 12, "good-sensors": 12}
 SMALL_TORQUE = (0.004, 0.015)  # rms of a small unmodelled torque over the torque's spread
 LAWS = ("rough_spot", "one_way", "vibration")
-SINGLES = (
-    "coulomb_friction",
-    "torque_ripple",
-    "quadratic_friction",
-    "backlash",
-    "torque_offset",
-    "cable_spring",
-)
+SINGLES = ("coulomb_friction", "torque_ripple", "quadratic_friction",
+           "backlash", "torque_offset", "cable_spring")  # fmt: skip
 FILTERS, HERTZ, BITS = 24, (8.0, 150.0), (12, 14)
 
 
