@@ -15,9 +15,8 @@
     confidence     over all answers in DIR: how often what is stated with 90 % is right
     all            every one of them
 
-CMD is the command `flexviz` of one version, as in `--command base=/there/.venv/bin/flexviz`; without one it
-is that of this Python. It is told nothing but the set's folder. Each can be interrupted and goes on where it
-was.
+CMD is the command `flexviz` of one version, as in `--command base=/there/.venv/bin/flexviz`; by default that
+of this Python. It is told only the set's folder. What was interrupted goes on where it was.
 """
 
 from __future__ import annotations

@@ -72,8 +72,7 @@ def make(work: Path, planned: Planned) -> None:
             made = Path(folder) / "set"
             truth = (_apart if planned.apart else _own)(planned, made)
             truth["effects"] = _rewritten(planned, made, truth["effects"], out)
-    truth |= {"case": planned.name, "wanted": list(planned.wanted)}
-    write(truth_file(work, planned.name), truth)
+    write(truth_file(work, planned.name), truth | {"case": planned.name, "wanted": list(planned.wanted)})
 
 
 def _apart(planned: Planned, folder: Path) -> Json:

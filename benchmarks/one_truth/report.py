@@ -22,7 +22,8 @@ COUNTED, ABOUT, RIGHT = (0.5, 0.99), (0.85, 0.95), (0.85, 0.95)  # confidences; 
 def report(study: str, sets: Sequence[StickSet], results: Path) -> bool:
     """Print what a command's answers show; whether all that is asked for is reached."""
     asked = [Answers(one, results) for one in sets]
-    there = [one for one in asked if one.has(*(PARTS.get(study) or (FOUND,)))]
+    parts = PARTS.get(study) or (FOUND,)
+    there = [one for one in asked if all(one.file(part).is_file() for part in parts)]
     print(f"\n{study}, {results.name}: {len(there)} of {len(asked)} sets have an answer")
     if study == "confidence":
         return _confidences(there)
@@ -34,8 +35,8 @@ def report(study: str, sets: Sequence[StickSet], results: Path) -> bool:
     for name in dict.fromkeys(name for one in checks for name in one):
         counted, required = share(checks, lambda one: one.get(name)), REQUIRED.get(name, 1.0)  # noqa: B023
         reached &= counted.value >= required
-        missed = "" if counted.value >= required else ": MISSED"
-        print(f"{name}: {counted.text}, required {100 * required:g} %{missed}")
+        end = "%" if counted.value >= required else "%: MISSED"
+        print(f"{name}: {counted.text}, required {100 * required:g} {end}")
     for name in dict.fromkeys(name for one in numbers for name in one):
         print(f"{name}: at most {number(max(one[name] for one in numbers))}")
     cpu, peak = ([getattr(one.judged, name) for one in there] for name in ("cpu", "peak"))
