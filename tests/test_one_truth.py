@@ -37,15 +37,15 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_sets_of_a_study_can_be_read(study: str, tmp_path: Path) -> None:
     sets = list(PLANS[study](3))
     assert len(sets) == len({one.name for one in sets}) == COUNTS[study]
-    apart, own = (next(s for s in sets if s.robot == "2r" and s.apart == apart) for apart in (True, False))
-    for one in (apart, own):
-        make(tmp_path, one)
-        measurements = read_set(case_folder(tmp_path, one.name))
-        truth = read(truth_file(tmp_path, one.name))
-        assert measurements.n == 2 and len(measurements.validation_groups) == 1
-        assert (measurements.initial_stiffness is None) == (not one.initial)
-        assert truth["wanted"] == list(one.wanted) and truth["case"] == one.name
-        assert {e["effect"] for e in truth["effects"]} >= {*one.hidden, *one.wanted}
+    apart = study in ("clean", "small")  # so that both simulators have their turn
+    one = next(s for s in sets if s.robot == "2r" and s.apart == apart and (s.wanted or study == "clean"))
+    make(tmp_path, one)
+    measurements = read_set(case_folder(tmp_path, one.name))
+    truth = read(truth_file(tmp_path, one.name))
+    assert measurements.n == 2 and len(measurements.validation_groups) == 1
+    assert (measurements.initial_stiffness is None) == (not one.initial)
+    assert truth["wanted"] == list(one.wanted) and truth["case"] == one.name
+    assert {e["effect"] for e in truth["effects"]} >= {*one.hidden, *one.wanted}
 
 
 def test_robotlike_and_worn_sets(tmp_path: Path) -> None:
