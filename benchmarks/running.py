@@ -145,10 +145,10 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 
 class DiagnoseCommand:
-    """`diagnose --apply` of one version of the command `flexviz`, told nothing but a set's folder.
+    """`diagnose --apply`, or another command, of one version of `flexviz`, told nothing but a set's folder.
 
     Attributes:
-        command: words before `diagnose`.
+        command: words before the name of the command.
         timeout: [s] after that a diagnosis is stopped.
         apart: run it in an empty folder and without PYTHONPATH, so that no other version's modules are found.
     """
@@ -160,13 +160,19 @@ class DiagnoseCommand:
         self._running: set[subprocess.Popen[bytes]] = set()
 
     def answer(self, case: Path) -> Json:
-        """Diagnose a set: exit, wall, cpu [s], peak_mb, and diagnosis or error."""
+        """Diagnose a set: exit, wall, cpu [s], peak_mb, printed, and diagnosis or error."""
+        return self.ask(case, "diagnosis", "diagnose", "--apply")
+
+    def ask(self, case: Path, key: str, name: str, *options: str) -> Json:
+        """The same of another command on a set; its document is the result's `key`."""
         with tempfile.TemporaryDirectory() as folder:
-            answer, log = Path(folder) / "answer.json", Path(folder) / "log"
-            ended = self._run(case.absolute(), answer, log)
+            answer, log, printed = (Path(folder) / one for one in ("answer.json", "log", "printed"))
+            words = (name, str(case.absolute()), *options, "--json", str(answer))
+            ended = self._run(words, Path(folder), log, printed)
             result: Json = {"exit": ended.code, "wall": ended.wall, "cpu": ended.cpu, "peak_mb": ended.peak}
+            result["printed"] = printed.read_text(encoding="utf-8", errors="replace")
             if answer.is_file():
-                result["diagnosis"] = read(answer)
+                result[key] = read(answer)
             elif ended.code is None:
                 result["error"] = f"no answer in {self.timeout:g} s"
             else:
@@ -179,17 +185,17 @@ class DiagnoseCommand:
         for process in list(self._running):
             kill(process)
 
-    def _run(self, case: Path, answer: Path, log: Path) -> Ended:
+    def _run(self, words: tuple[str, ...], folder: Path, log: Path, printed: Path) -> Ended:
         environment = {k: v for k, v in os.environ.items() if not (self.apart and k == "PYTHONPATH")}
         began = time.monotonic()
-        with log.open("wb") as errors:
+        with log.open("wb") as errors, printed.open("wb") as output:
             process = subprocess.Popen(
-                [*self.command, "diagnose", str(case), "--apply", "--json", str(answer)],
-                stdout=subprocess.DEVNULL,
+                [*self.command, *words],
+                stdout=output,
                 stderr=errors,
                 start_new_session=True,
                 env=environment,
-                cwd=answer.parent if self.apart else None,
+                cwd=folder if self.apart else None,
             )
             self._running.add(process)
             try:

@@ -25,18 +25,32 @@ ERROR_HERTZ = 5.0  # band of the errors that are compared
 
 
 def final_model(document: Json, joints: Sequence[str]) -> FlexibleModel:
-    """The final model of a diagnosis, from its JSON."""
-    values = {(p["name"], p["joint"]): p["value"] for p in document["model"]["parameters"]}
+    """The final model of a diagnosis, or that of an identification, from its JSON."""
+    parameters = document.get("model", document)["parameters"]
+    values = {(p["name"], p["joint"]): p["value"] for p in parameters}
     names = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction", *INERTIAL_NAMES)
     k, b, link, motor, *inertial = (np.array([values[name, joint] for joint in joints]) for name in names)
+    entries = document["model"]["effects"] if "model" in document else _effects(parameters)
     effects = [
         EffectValue(
             e["effect"], e["joint"], {k: v["value"] for k, v in e["parameters"].items()},
             e.get("group"), e.get("payload"),
         )
-        for e in document["model"]["effects"]
+        for e in entries
     ]  # fmt: skip
     return FlexibleModel(tuple(joints), k, b, link, motor, np.array(inertial).T, tuple(effects))
+
+
+def _effects(parameters: Sequence[Json]) -> list[Json]:
+    """The effects of a model from its parameters, EFFECT.PARAMETER each."""
+    found: dict[tuple[str | None, ...], Json] = {}
+    for p in parameters:
+        effect, dot, name = p["name"].partition(".")
+        if dot:
+            place = {"effect": effect} | {key: p.get(key) for key in ("joint", "group", "payload")}
+            entry = found.setdefault(tuple(place.values()), place | {"parameters": {}})
+            entry["parameters"][name] = p
+    return list(found.values())
 
 
 def true_model(truth: Json) -> FlexibleModel:

@@ -1,0 +1,1 @@
+"""The studies of whether every command gives one model, measured by one yardstick."""
