@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit, Fitted, Judged
 from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence, everywhere
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate
 from flexviz.measurements import Group
@@ -40,6 +40,8 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
 
     def suits(place: ChosenEffect) -> bool:
         effect = EFFECTS[place.effect]
+        if everywhere(place, layout.effects):
+            return False
         beside = not effect.beside or any((e.effect, e.joint) == (effect.beside, place.joint) for e in have)
         warm = not effect.by_temperature or place.joint in warmed
         turns = layout.motors or effect.behind_gear
@@ -57,9 +59,11 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
 
 
 def with_effects(fit: Fitted, values: Mapping[ChosenEffect, Array]) -> Known:
-    """The model with effects at some values, without those that they replace on their joints."""
+    """The model with effects at some values, without those that they replace."""
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in values}
-    kept = [e for e in fit.layout.effects if (e.effect, e.joint) not in replaced]
+    kept = [
+        e for e in fit.layout.effects if (e.effect, e.joint) not in replaced and not everywhere(e, [*values])
+    ]
     layout = fit.layout.with_effects((*kept, *(e for e in values if e not in kept)))
     x = layout.vector(fit.layout.model(fit.x))
     for effect, value in values.items():
@@ -129,7 +133,10 @@ def excess(fit: Fit) -> float:
 
 
 def credible(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
-    """Whether an effect is possible, and its form visible in the motion; `raw_step` is that of the records [s]."""
+    """Whether an effect is possible, and its form visible in the motion.
+
+    `raw_step`: sampling interval of the records [s].
+    """
     layout, joint = fit.layout, effect.joint or 0
     viscous = float(layout.motor_side(fit.x)[1][joint] + fit.x[layout.link_viscous][joint])
     top_speed, travel = float(np.max(np.abs(fit.velocity[:, joint]))), float(np.ptp(fit.position[:, joint]))

@@ -32,8 +32,8 @@ CoarseModel = Model[MotionFit]
 class Coarse(Resolution[MotionFit]):
     """Models of one set in the band of the motion.
 
-    Each joint is weighted by what its model leaves, and large residuals count linearly: an incomplete model of a
-    real robot is judged by its own error instead of by sensors far better than it.
+    Each joint is weighted by what its model leaves, and large residuals count linearly: an incomplete model
+    of a real robot is judged by its own error instead of by sensors far better than it.
     """
 
     name = "coarse"
@@ -175,7 +175,7 @@ class Coarse(Resolution[MotionFit]):
         return self.fit(smaller, self.towards(model, x, smaller))
 
     def promising(self, model: CoarseModel, effect: ChosenEffect, gained: float) -> bool:
-        """Whether an effect may lower J, by the decrease of the weighted sum of squares that its score promises."""
+        """Whether an effect may lower J, by the decrease of the weighted squares that its score promises."""
         if EFFECTS[effect.effect].underrated:
             return True
         count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))

@@ -122,7 +122,8 @@ class Course:
     def errs(self, coarse: CoarseModel, fine: FineModel) -> bool:
         """Whether a model errs by more than noise and tolerance.
 
-        Torques at reversals and gap crossings are unknown to the coarse resolution; the fine one accounts for them.
+        Torques at reversals and gap crossings are unknown to the coarse resolution; the fine one accounts
+        for them.
         """
         view = self.view
         return bool(view.significant(coarse).any()) and self.fine.errs(fine, view.noise, view.criterion.least)

@@ -4,10 +4,10 @@
 
 σ_j is what the model leaves of joint j's recorded torque, in fitted and held-out groups. n_j, the independent
 samples of joint j, and N, their sum, belong to the recording: they are the same for every model, so that
-J(A) − J(C) = J(A) − J(B) + J(B) − J(C) along any path of moves, and changes sign with its direction. ε_j is the larger
-of the sensors' noise and of a tolerance: below it nothing counts. The best of K effects gains log K by chance
-alone; α is the probability that anything is found where nothing is missing. ½ log N is the price of a
-parameter (Schwarz, Annals of Statistics 6, 1978).
+J(A) − J(C) = J(A) − J(B) + J(B) − J(C) along any path of moves, and changes sign with its direction. ε_j is
+the larger of the sensors' noise and of a tolerance: below it nothing counts. The best of K effects gains
+log K by chance alone; α is the probability that anything is found where nothing is missing. ½ log N is the
+price of a parameter (Schwarz, Annals of Statistics 6, 1978).
 
 Which joint leaves how much is decided by its own residual: for residuals of unknown variance the likelihood
 is that of σ_j alone.
@@ -83,7 +83,7 @@ class Criterion:
 
     @property
     def of_refinement(self) -> float:
-        """What a law costs that is not the simplest of its family [nats]: of those that tie, the simplest is taken."""
+        """What a law costs that is not the simplest of its family: it has to be clearly better [nats]."""
         return -float(np.log(LIMITS.false_alarm))
 
     def cost(self, parameters: int, effects: int, places: int = 1) -> float:
@@ -164,8 +164,8 @@ def gain(before: Score, after: Score) -> Gain:
 def confidence(gained: float, left: float) -> float:
     """Probability that an effect is the right one, or tied with it, against "none of these".
 
-    The odds of "none of these" fall with what the effect gains beyond its cost [nats]; what no effect of the library
-    describes on its joint, `left` [nats], may stand in for it, the more likely the more it is.
+    The odds of "none of these" fall with what the effect gains beyond its cost [nats]; what no effect of the
+    library describes on its joint, `left` [nats], may stand in for it, the more likely the more it is.
     """
     none = float(np.exp(-np.clip(gained / LIMITS.temperature, -30.0, 30.0)))
     return 1 / (1 + none + max(LIMITS.false_alarm, LIMITS.doubt * left / max(gained, 1e-9)))

@@ -77,7 +77,10 @@ def needs(
 def eliminated(
     data: Linearised, score: Score, costs: Costs, among: Collection[ChosenEffect]
 ) -> tuple[list[ChosenEffect], Array]:
-    """Those of some effects that a model does not need, dropped one by one, and the parameters (P,) without them."""
+    """Those of some effects that a model does not need, dropped one by one.
+
+    With the parameters (P,) of the model without them.
+    """
     slices, gone = dict(data.layout.effect_slices()), list[ChosenEffect]()
     covariance, x, now, layout = _inverse(data.hessian, data.held), data.x, score, data.layout
     while left := [e for e in among if e not in gone]:

@@ -25,8 +25,8 @@ class Fine(Resolution[Fit]):
     """Models of one set in units of the noise.
 
     The residual of the whole band is whitened by the noise of θ and τ propagated through filter and equation,
-    so that a complete model leaves unit variance and small effects show. No law is exact: each leaves a trace of
-    what it explains, below which nothing counts.
+    so that a complete model leaves unit variance and small effects show. No law is exact: each leaves a trace
+    of what it explains, below which nothing counts.
     """
 
     name = "fine"
@@ -87,7 +87,7 @@ class Fine(Resolution[Fit]):
         return Scoring(narrow, chain, point.weigh, self.context.projection(fit))
 
     def errs(self, model: FineModel, noise: Array, least: Array) -> bool:
-        """Whether a model leaves more above the noise (n,) [Nm] than counts, `least` (n,) [Nm], on any joint."""
+        """Whether a model leaves more above the `noise` (n,) than counts, `least` (n,), on any joint [Nm]."""
         above = np.maximum(model.score.deviation**2 - self.criterion.least**2, 0.0)
         return bool(np.any(np.sqrt(above) * noise > least))
 
@@ -163,5 +163,4 @@ def _points(fit: Fit) -> list[Point]:
 
 
 def _residuals(point: Point) -> Residuals:
-    used = np.broadcast_to(point.used[:, None], point.r.shape)
-    return Residuals(point.r, used, [b.rows for b in point.two_band.blocks])
+    return Residuals(point.r, point.counted, [b.rows for b in point.two_band.blocks])

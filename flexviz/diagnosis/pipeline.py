@@ -20,11 +20,12 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
+from flexviz.diagnosis.seen_limits import limit_findings
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
 from flexviz.identification import link_side_checks, parameter_estimates
-from flexviz.measurements import MeasurementSet, no_torque_text, silent_joints
+from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
@@ -117,6 +118,7 @@ class _Description:
         found = findings(course, end, stairs)
         taken = steps(stairs, found, last)
         listed = sorted((f for f in found if not f.stopgap), key=lambda f: -(f.share or 0.0))
+        listed += limit_findings(course.measurements)
         if not self.apply:
             final, taken = stairs[0], [replace(taken[0], verdict="missing" if listed else last)]
         return self.described(final, taken, listed)
@@ -151,7 +153,7 @@ class _Description:
         )
         links = layout.inertial
         return Diagnosis(
-            set_name=course.measurements.name, verdict=made[0].verdict, findings=tuple(found), where=where,
+            set_name=course.measurements.name, verdict="missing" if found else made[0].verdict, findings=tuple(found), where=where,
             steps=tuple(made), effects=effect_values(shown), parameters=parameters,
             seconds=time.perf_counter() - course.began, stopped=course.stopped,
             notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,
@@ -185,6 +187,8 @@ class _Description:
         segments = [s for g in self.course.measurements.fit_groups for s in g.segments]
         if text := filtered_before_writing(segments).text:
             yield Note("filtered", text)
+        if limits := self.course.measurements.seen_limits:
+            yield Note("other", saturated_text(limits, self.course.own.joints))
         if (phase := self.course.view.context.first_phase).any():
             yield Note("standstill", standstill_text(self.course.own.joints, phase))
 

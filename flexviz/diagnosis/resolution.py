@@ -89,8 +89,12 @@ class Resolution(ABC, Generic[AnyFit]):
             if self.decoys and self.own.n >= law.fewest_joints
             for joint in range(self.own.n)
         ]
-        have = set(layout.effects)
-        real = candidates(layout, self.measurements.groups, self.many)
+        have, seen = set(layout.effects), {limit.joint for limit in self.measurements.seen_limits}
+        real = [
+            e
+            for e in candidates(layout, self.measurements.groups, self.many)
+            if not (EFFECTS[e.effect].limits_torque and e.joint in seen)
+        ]
         return [*real, *(d for d in decoys if d not in have)]
 
     def check(self) -> None:
@@ -169,7 +173,7 @@ class Resolution(ABC, Generic[AnyFit]):
         return self.above(model) > self.criterion.cost(1, 1)
 
     def doubtful(self, model: Model[AnyFit], known: Layout) -> list[ChosenEffect]:
-        """Effects that a known model lacks and that are impossible, or whose form the motion does not show."""
+        """Effects that a known model lacks and that are impossible, or not visible in the motion."""
         new = [e for e in model.layout.effects if e not in known.effects and not is_curve(e)]
         return [e for e in new if not credible(model.fit, e, self.raw_step)]
 
@@ -207,7 +211,10 @@ class Resolution(ABC, Generic[AnyFit]):
     def smaller(
         self, model: Model[AnyFit], among: Collection[ChosenEffect] | None = None
     ) -> Iterable[Model[AnyFit]]:
-        """Models without effects that cost more than they gain, the least needed first; of `among`, if given."""
+        """Models without effects that cost more than they gain, the least needed first.
+
+        Only without those of `among`, if given.
+        """
         firm = self.firm(model.layout)
         found = needs(self.linearised(model), model.score, self)
         weak = [e for e, (g, _) in found.items() if e not in firm and (among is None or e in among)]

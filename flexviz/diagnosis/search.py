@@ -1,10 +1,10 @@
 """The search: a greedy walk between models, judged by one number.
 
-From a model, larger models are tried: on each place the best. What the places add is also tried together, and the
-model with the lowest J is taken. Then what the criterion would not add any more is dropped. Where nothing helps,
-parts are exchanged for rivals, and what stands for much else is tried last. J belongs to a model
-(`criterion`), so that the walk only leads down, and ends at the lowest model that was seen. The search knows nothing
-about robots: a problem supplies the models.
+From a model, larger models are tried: on each place the best. What the places add is also tried together, and
+the model with the lowest J is taken. Then what the criterion would not add any more is dropped. Where nothing
+helps, parts are exchanged for rivals, and what stands for much else is tried last. J belongs to a model
+(`criterion`), so that the walk only leads down, and ends at the lowest model that was seen. The search knows
+nothing about robots: a problem supplies the models.
 """
 
 from __future__ import annotations

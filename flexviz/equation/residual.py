@@ -277,8 +277,8 @@ class OperatingPoint:
 
         Args:
             x: shape (P,).
-            near: the Jacobian may have the rigid-body terms of an earlier motion of the link side that is nearly
-                the same; the residual is exact.
+            near: the Jacobian may have the rigid-body terms of an earlier motion of the link side that is
+                nearly the same; the residual is exact.
             moving: let the operating point move with x: the Jacobian includes ∂u/∂s ∂s/∂x of effects whose u
                 follows the transmission torque s. Without it, a direction that the rest of the equation does
                 not show (motor inertia against link inertia) seems free, although it changes s and with it
@@ -316,9 +316,9 @@ class OperatingPoint:
         return Evaluation(residual, jacobian, s, q, link)
 
     def _near(self, x: Array, q: Array, regressor: Array, residual: Array) -> LinkTerms | None:
-        """Rigid-body terms of a motion near q (3, N, n), if they are known; their torque is subtracted exactly.
+        """Rigid-body terms of a motion near q (3, N, n), if they are known.
 
-        `regressor` (N, n, 10n) is set, and `residual` (N, n) changed in place.
+        Their torque is subtracted from `residual` (N, n) exactly, and `regressor` (N, n, 10n) is set.
         """
         gravity, inertial = self._gravity(x), x[self.layout.inertial]
         known = None if gravity is not None else self.equation.near_rigid(inertial, q)

@@ -1,10 +1,10 @@
 """The one estimator: the parameters of a model, the same for whoever asks.
 
-Where the sensors' noise explains what the model leaves, or the rest is below a stated tolerance, all of the band
-counts and the observer's bias is removed (`refine`). Where the model errs by more, weights from the sensors' noise
-mislead: then the band of the motion counts, each joint weighted by what the model leaves (`flexviz.motion`).
-Standstill is left out there if even the usual friction laws err much more at rest than in motion, which is asked of
-the recording and not of the model.
+Where the sensors' noise explains what the model leaves, or the rest is below a stated tolerance, all of the
+band counts and the observer's bias is removed (`refine`). Where the model errs by more, weights from the
+sensors' noise mislead: then the band of the motion counts, each joint weighted by what the model leaves
+(`flexviz.motion`). Standstill is left out there if even the usual friction laws err much more at rest than in
+motion, which is asked of the recording and not of the model.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class Estimator:
         return self.in_motion(layout, motion, check)
 
     def judged(self, fit: MotionFit) -> tuple[Array, Array]:
-        """What a model leaves of the recorded torque of each joint, and what of that counts, (n,) [Nm] each."""
+        """What a model leaves of each joint's recorded torque, and what of that counts, (n,) [Nm] each."""
         context = self.context
         parts = [Residuals(r, u, ()) for r, u in zip(fit.residuals, context.used, strict=True)]
         sigma = deviations(parts, MOTION.outlier) / torque_scale(fit.layout, fit.x)
@@ -183,7 +183,7 @@ class Estimator:
         context, layout = fit.context, fit.layout
         start = context.start(layout)
         text = (
-            "converged in the band of the motion: the model errs by more than the sensors, so that each joint is "
+            "converged in the band of the motion: the model errs by more than the sensors, and each joint is "
             "weighted by what the model leaves"
         )
 

@@ -172,8 +172,9 @@ def _estimated_outcome(
     x = found.x
     evaluation = plain.equation.at(x, plain.solution.point).evaluate(x)
     return replace(
-        outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=found.stated, message=found.message,
-        converged=True, refined=True, explained=found.at_noise or not found.refined, unrest=None,
+        outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=found.stated,
+        message=found.message, converged=True, refined=True, unrest=None,
+        explained=found.at_noise or not found.refined,
     )  # fmt: skip
 
 

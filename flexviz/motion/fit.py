@@ -270,7 +270,8 @@ class MotionContext:
     ) -> MotionFit:
         """Gauss–Newton from x, shape (P,), with weights from the residual, renewed at every step.
 
-        `check` is called before each step and may raise to stop; `settled`: change of the objective that ends it.
+        `check` is called before each step and may raise to stop; `settled`: change of the objective that
+        ends the fit.
         """
         start = self.start(layout)
         problem = MotionProblem(self, self.equation(layout), start.prior, check)

@@ -41,9 +41,9 @@ def usual_model(context: MotionContext, own: Layout) -> Known:
 
 
 def plain_model(context: MotionContext, fit: Fitted, joint: int) -> Known | None:
-    """A model with all that a plain joint has: dry and load-dependent friction, offset, spring, at small sizes.
+    """A model with all that a plain joint has: dry and load-dependent friction, offset, spring.
 
-    None if it lacks at most one of these.
+    At small sizes; None if it lacks at most one of these.
     """
     names = [name for name, law in EFFECTS.items() if law.usual and law.beside is None]
     larger = _with_small(context, fit, [ChosenEffect(name, joint) for name in names])
