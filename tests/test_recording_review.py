@@ -137,7 +137,12 @@ def test_differences(files: tuple[Path, Path]) -> None:
 
 def test_side_by_side(files: tuple[Path, Path], tmp_path: Path, capfd: Any) -> None:
     code, out, _ = review(capfd, *files, "--check", "--out", tmp_path / "both.rrd")
-    assert code == 0 and "rms fit [Nm]" in out and "stiffness of joint" in out and "standard errors" in out
+    assert (
+        code == 0
+        and "error, fitted groups" in out
+        and "stiffness of joint" in out
+        and "standard errors" in out
+    )
     both, alone = Read(tmp_path / "both.rrd"), Read(files[1])
     entity = "/groups/g1/measured/theta/joint1"
     assert (both.line(f"/B{entity}")[1] == alone.line(entity)[1]).all() and f"/A{entity}" in both.batches

@@ -31,15 +31,18 @@ class ResidualSeries:
 
     Attributes:
         time: shape (N,) [s].
-        residual: shape (N, n), r [Nm].
+        residual: shape (N, n), r [Nm], in units of the recorded torque.
         torque: shape (N, n), transmission torque s seen from the motor [Nm].
         q: shape (N, n), identified link side [rad].
+        noise: shape (n,), rms that measurement noise alone leaves with the fit's observer [Nm]; None in older
+            sessions.
     """
 
     time: Floats
     residual: Floats
     torque: Floats
     q: Floats
+    noise: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -54,12 +57,12 @@ class Identification(FitFields):
         seconds: wall time.
         parameters: estimates.
         combinations: base parameters.
-        residual: summary per joint.
+        residual: summary per joint, in the band of all errors.
         model: the identified model.
         covariance: shape (P, P), of the entries that `parameter_names` lists.
         chance: the same without what the model lacks; None in older sessions.
         parameter_names: "izz:joint1".
-        residuals: group name → residual over time.
+        residuals: group name → residual over time, with the fit's own observer.
         gains: of the extended-state observer, if set by hand, at its (first joint's) bandwidth.
     """
 
@@ -95,6 +98,11 @@ class Identification(FitFields):
         width = self.bandwidth if isinstance(self.bandwidth, float) else tuple(np.ravel(self.bandwidth))
         gains = self.gains and GainsEntry(self.gains.theta, self.gains.tau)
         return ObserverEntry(self.observer_name, width, gains)
+
+    def noise_in(self, group: str) -> tuple[float, ...]:
+        """Rms that measurement noise alone leaves in a residual over time, per joint [Nm]."""
+        found = self.residuals[group].noise if group in self.residuals else None
+        return self.residual.noise_floor if found is None else tuple(map(float, found))
 
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter by name and joint (or payload, or group): `result["stiffness", "joint1"]`.
