@@ -56,7 +56,7 @@ def notes(
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         said = JointErrors(largest.tolist(), errors.spread).whole(j)
         text = (
-            f"the error of {joints[j]} ({said} in the {kind} groups) arises at motion "
+            f"the error of {joints[j]}, {said} in the {kind} groups, arises at motion "
             "reversals and backlash crossings: it includes their unknown torque, which the fit treats as "
             "pulses of unknown size"
         )
