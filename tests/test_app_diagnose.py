@@ -49,7 +49,7 @@ def diagnose_step(app: Application) -> DiagnoseStep:
 
 def one_error_everywhere(app: Application) -> None:
     """Status line, table, staircase and report state one error of the model that is shown."""
-    said = re.search(r"validation error ([\d.]+) % of the torque, most on joint2: ([\d.]+) %", status(app))
+    said = re.search(r"validation error ([\d.]+) % of the torque, most on (joint\d): ([\d.]+) %", status(app))
     assert said, status(app)
     share = float(said[1])
     rows = re.findall(r"<tr><td>.*?</tr>", app.plots._steps.content)
@@ -63,7 +63,7 @@ def one_error_everywhere(app: Application) -> None:
     assert tile.value.removesuffix(" %").split(" → ")[-1] == said[1]
     # the largest one is that of its link
     legend = re.sub(r"<[^>]*>|◂", " ", app.legend._joints.content).split()
-    assert legend[legend.index("joint2") + 1] == said[2]
+    assert legend[legend.index(said[2]) + 1] == said[3]
     # and nearly what identification alone gives: no other band, whatever the observer
     analysis = app.store.analysis
     if analysis.identification is not None and analysis.identification.refined:

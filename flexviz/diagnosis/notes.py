@@ -42,12 +42,13 @@ def notes(
     out: list[tuple[NoteKind, str]] = []
     joints = final.layout.joints
     if model_error_variance is not None:
-        sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
+        left = JointErrors(np.sqrt(model_error_variance).tolist(), errors.spread)
+        sizes = ", ".join(f"{joint} {left.whole(j)}" for j, joint in enumerate(joints))
         text = (
             "no model reaches the noise, so an effect was added only if it also predicts the held-out "
             "groups better"
         )
-        out.append(("model-error", f"{text}; torque error left in the model [Nm]: {sizes}"))
+        out.append(("model-error", f"{text}; torque error left in the model: {sizes}"))
     floor, rms = np.maximum(errors.noise_floor, 1e-300), np.array(errors.stated)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))

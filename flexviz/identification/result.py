@@ -23,6 +23,7 @@ from flexviz.results import (
     shared_fields,
     torque_side,
 )
+from flexviz.wording import stated_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +115,9 @@ class Identification(FitFields):
 
     def __repr__(self) -> str:
         state = "stopped" if self.stopped else "converged" if self.converged else "not converged"
-        rms = ", ".join(f"{value:.3g}" for value in self.residual.rms)
+        error = stated_errors(self.residual, self.residual.torque_spread).whole()
         return (
-            f"<Identification of {self.set_name}: {state}, {len(self.parameters)} parameters, rms {rms} Nm>"
+            f"<Identification of {self.set_name}: {state}, {len(self.parameters)} parameters, error {error}>"
         )
 
     def summary(self, width: int = 140) -> str:
