@@ -79,7 +79,13 @@ def test_what_a_recording_says(files: tuple[Path, Path], session: Any) -> None:
 def test_check(files: tuple[Path, Path], capfd: Any) -> None:
     code, out, _ = review(capfd, files[1], "--check")
     assert code == 0
-    for words in ("b.rrd: complete", "SHA-256: matches", "result 1, b: rms 3 4", "verdict: Missing: Coulomb"):
+    for words in (
+        "b.rrd: complete",
+        "SHA-256: matches",
+        "result 1, b: error ",
+        "% of the torque (",
+        "verdict: Missing: Coulomb",
+    ):
         assert words in out
 
 
