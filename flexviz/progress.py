@@ -27,7 +27,7 @@ class BestSoFar:
 
     Attributes:
         model: what it adds, "Coulomb friction on joint2"; empty for a model without additions.
-        error: "validation error 25 % → 0.6 % of the torque".
+        error: "validation error 25 % → 0.6 % of the torque (31 mNm)".
     """
 
     model: str

@@ -30,6 +30,7 @@ from flexviz.report.sections.summary import numbers
 from flexviz.resources import sessions_dir
 from flexviz.session import identified_errors, open_session, save_session
 from flexviz.view import model_curve_charts, staircase_charts
+from flexviz.wording import number
 from tests.app_running import reopen, running, send, status, until, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET, TIED_DIAGNOSIS
 
@@ -48,21 +49,21 @@ def diagnose_step(app: Application) -> DiagnoseStep:
 
 def one_error_everywhere(app: Application) -> None:
     """Status line, table, staircase and report state one error of the model that is shown."""
-    said = re.search(r"validation error ([\d.]+) × noise floor, most on joint2: ([\d.]+) ×", status(app))
+    said = re.search(r"validation error ([\d.]+) % of the torque, most on (joint\d): ([\d.]+) %", status(app))
     assert said, status(app)
-    times = float(said[1])
+    share = float(said[1])
     rows = re.findall(r"<tr><td>.*?</tr>", app.plots._steps.content)
     held_out = re.findall(r">([\d.]+)</td>", rows[len(app.store.analysis.model_steps) - 1])[-1]
-    assert float(held_out) == pytest.approx(times, rel=0.05)
+    assert float(held_out) == pytest.approx(share, rel=0.05)
     *_, validation = (line for line in staircase_charts(app.store.analysis.model_steps, 0, ("a", "b"),
         app.store.measurements.torque_spread)[0].series if "validation" in line.label)  # fmt: skip
-    assert validation.y[-1] == pytest.approx(times, rel=0.05)
+    assert validation.y[-1] == pytest.approx(share, rel=0.05)
     content = gather(app.store.session, app.store.measurements)
     tile = next(tile for tile in numbers(content) if tile.label == "Error")
-    assert tile.value.removesuffix(" ×").split(" → ")[-1] == said[1]
+    assert tile.value.removesuffix(" %").split(" → ")[-1] == said[1]
     # the largest one is that of its link
     legend = re.sub(r"<[^>]*>|◂", " ", app.legend._joints.content).split()
-    assert legend[legend.index("joint2") + 1] == said[2]
+    assert legend[legend.index(said[2]) + 1] == said[3]
     # and nearly what identification alone gives: no other band, whatever the observer
     analysis = app.store.analysis
     if analysis.identification is not None and analysis.identification.refined:
@@ -70,7 +71,8 @@ def one_error_everywhere(app: Application) -> None:
         analysis = analysis.with_identification(plain, analysis.settings)
     errors = identified_errors(app.store.measurements, analysis)
     assert errors is not None and errors.rms_validation is not None
-    assert np.divide(errors.rms_validation, errors.noise_floor).mean() == pytest.approx(times, rel=0.05)
+    found = 100 * np.divide(errors.rms_validation, app.store.measurements.torque_spread).mean()
+    assert found == pytest.approx(share, rel=0.05)
 
 
 def test_the_example_opens_identified_and_wrong(app: Application) -> None:
@@ -155,8 +157,8 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
     assert result.model.effects == last.step.model.effects
     assert last.step.rms_validation is not None
     assert last.step.rms == diagnosed_demo.steps[-1].rms  # on one core, to the last digit
-    times = np.divide(last.step.rms_validation, last.step.noise_floor)
-    assert f"validation error {times.mean():.3g} × noise floor" in status(app)
+    shares = 100 * np.divide(last.step.rms_validation, app.store.measurements.torque_spread)
+    assert f"validation error {number(shares.mean(), 3)} % of the torque" in status(app)
     use(app, "Undo")
     assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
 

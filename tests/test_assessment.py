@@ -84,11 +84,14 @@ def document(rms, floor, between=(), parameters=(), **changes):
 
 def test_what_only_reversals_leave_is_not_a_missing_effect():
     lacking = document([2.0, 0.1], [0.01, 0.01])
-    assert "The error is up to 200 times the noise: the model lacks effects" in assessment(lacking)
+    assert (
+        "error of a is 20.0 % of the torque (2.00 Nm), far above the noise of 0.100 %: the model lacks"
+        in (assessment(lacking))
+    )
     reversals = document([2.0, 0.1], [0.01, 0.01], between=[0.012, 0.02], iterations=9)
     text = assessment(reversals)
     assert "lacks effects" not in text and lacks_effects(reversals) == "" and "bias" in text
-    assert "up to 200 times the noise, but only around reversals and crossings of a gap" in text
+    assert "far above the noise of 0.100 %, but only around reversals and crossings of a gap" in text
     # more than reversals stays
     assert "lacks effects" in assessment(document([2.0, 0.1], [0.01, 0.01], between=[0.3, 0.02]))
     quiet = document([0.012, 0.01], [0.01, 0.01], between=[0.01, 0.01])
@@ -106,6 +109,17 @@ def test_backlash_that_the_model_has_leaves_only_reversals(tmp_path):
     assert "only around reversals" in assessment(complete.document())
     without = identify(hidden)
     assert without.residual.rms_between_reversals == () and "lacks effects" in assessment(without.document())
+
+
+def test_a_small_error_is_not_good_where_nothing_is_determined():
+    """Neither a value that the data leave open nor one at its bound is a result."""
+    lost = [parameter("stiffness"), parameter("torque_gain.gain_error") | {"identifiable": "yes"}]
+    lost[1]["at_bound"] = True
+    text = assessment(document([0.1, 0.2], [0.01, 0.01], parameters=lost))
+    assert text.startswith("Nothing is determined, although the error is at most 2.0 % of the torque")
+    assert "Good" not in text and "Weak" not in text
+    found = [*lost, parameter("motor_inertia") | {"identifiable": "weak"}]
+    assert assessment(document([0.1, 0.2], [0.01, 0.01], parameters=found)).startswith("Good: ")
 
 
 def parameter(name, joint="a", value=1.0, start=1.0, at_bound=False):

@@ -19,6 +19,7 @@ from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.progress import Progress
 from flexviz.resources import sessions_dir
+from flexviz.wording import quantity
 from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.unknown_laws import Uneven, set_with
@@ -102,16 +103,17 @@ def test_the_best_model_so_far_is_told_early_and_kept_by_a_stop(diagnosed_demo: 
     own, fitted = said()
     friction = "Coulomb friction on joint2 (being checked):"
     found = re.fullmatch(
-        f"so far: {re.escape(friction)} validation error ([\\d.]+) × → ([\\d.]+) × noise floor", fitted
+        f"so far: {re.escape(friction)} validation error ([\\d.]+) % → ([\\d.]+) % of the torque \\(.*Nm\\)",
+        fitted,
     )
     assert found and own.startswith(
-        f"so far: validation error of the present model {found[1]} × noise floor ("
+        f"so far: validation error of the present model {found[1]} % of the torque ("
     )
     # the error is the one that the finished diagnosis states
-    for times, step in zip(found.groups(), diagnosed_demo.steps, strict=True):
+    for share, step in zip(found.groups(), diagnosed_demo.steps, strict=True):
         assert step.rms_validation is not None
-        mean = np.mean(np.divide(step.rms_validation, step.noise_floor))
-        assert float(times) == pytest.approx(mean, rel=0.1)
+        mean = 100 * np.mean(np.divide(step.rms_validation, diagnosed_demo.torque_spread))
+        assert float(share) == pytest.approx(mean, rel=0.1)
     # what the search had found by then is kept
     assert result.stopped and [f.text for f in result.findings] == ["coulomb_friction:joint2"]
     shares = [one.share for one in news if one.share is not None]
@@ -199,7 +201,7 @@ def test_an_error_that_pulses_leave_is_explained():
     error, floor = np.array(result.steps[-1].rms), np.array(result.steps[-1].noise_floor)
     assert result.steps[-1].verdict == "nothing-missing" and (error / floor).max() > 5
     (note,) = [note for note in result.notes if note.kind == "pulses"]
-    assert f"{error[(error / floor).argmax()]:.3g} Nm" in note.text
+    assert quantity(error[(error / floor).argmax()], "Nm") in note.text
     clean = practised("2r-none-19")
     assert not any(note.kind == "pulses" for note in clean.notes)
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext
 
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.candidates import credible, excess, with_effects
 from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.ties import telling_motion
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
@@ -17,7 +18,6 @@ from flexviz.diagnosis.criterion import Gain, Likelihood, Residuals, gain, likel
 from flexviz.diagnosis.elimination import Linearised, by_weight, eliminate
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.prediction_errors import Known
 from flexviz.diagnosis.resolution import without
 from flexviz.effects import ChosenEffect

@@ -21,11 +21,11 @@ def marked(text: str) -> list[str]:
 
 
 def test_the_first_appearance_is_explained_once() -> None:
-    text = "<b>Residual</b> 52.0 × noise floor; residual of joint2 1.1 × noise floor"
-    assert marked(text) == ["Residual", "× noise floor"]
+    text = "<b>Residual</b> 6.5 % of the torque, noise 0.1 %; residual of joint2 12 % of its torque"
+    assert marked(text) == ["Residual", "% of the torque", "noise"]
     out = with_terms(text)
     assert MARK.sub(r"\3", out) == text
-    assert "sensors&#x27; noise alone" in out and out.index("<abbr") < out.index("52.0")
+    assert "sensors&#x27; noise alone" in out and out.index("<abbr") < out.index("6.5")
 
 
 @pytest.mark.parametrize(

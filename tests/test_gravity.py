@@ -54,7 +54,7 @@ def case(folder: Path, mounted: tuple[float, float], kind: str = "none") -> Any:
 
 
 def excess(measurements: MeasurementSet, **options: Any) -> tuple[Any, np.ndarray]:
-    """An identification, and its error ÷ the noise floor by joint."""
+    """An identification, and its error ÷ the noise by joint."""
     found = identify(measurements, **options)
     return found, np.array(found.residual.rms_validation) / np.array(found.residual.noise_floor)
 

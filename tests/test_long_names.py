@@ -8,7 +8,7 @@ import pytest
 
 from flexviz.results import ResultDocument
 from flexviz.results.summary import text
-from flexviz.wording import short_names
+from flexviz.wording import number, short_names
 
 VENDOR = tuple(f"AR5-5_07R-W4C4A2_joint_{k}" for k in range(1, 8))
 NAMES = {
@@ -69,14 +69,14 @@ def test_no_cell_of_a_diagnosis_is_cut_off(names: str, width: int) -> None:
     for j in range(len(joints)):
         assert any(w in words for w in error_texts(whole, j)), (error_texts(whole, j), said)
     assert said.count("missing") >= 4 and any("mean" in line for line in table) == (len(joints) > 1)
-    assert words.count("0.0123") + words.count("0.012") >= len(joints)  # the noise floor of each
+    assert words.count("0.0123") + words.count("0.012") >= len(joints)  # the noise of each
 
 
 def error_texts(whole: ResultDocument, joint: int) -> tuple[str, ...]:
-    """What the last error of a joint may be written as, in multiples of its noise floor."""
-    step = whole.to_dict()["steps"][-1]
-    times = (step.get("rms_validation") or step["rms"])[joint] / step["noise_floor"][joint]
-    return tuple(f"{times:.{digits}g}" for digits in (2, 3))
+    """What the last error of a joint may be written as, in per cent of its torque."""
+    step, spread = whole.steps[-1], whole.torque_spread
+    share = 100 * (step.rms_validation or step.rms)[joint] / spread[joint]
+    return tuple(number(share, digits) for digits in (2, 3))
 
 
 @pytest.mark.parametrize("width", [80, 160])

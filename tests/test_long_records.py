@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 
 from flexviz.diagnosis import motion_fit
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, PulseGroup, Pulses, fine_signals, pulses, reversal_nuisance

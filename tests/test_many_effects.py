@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.motion_samples import Phase
 from scipy.optimize import lsq_linear
 
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make, truth_file
 from flexviz import diagnose
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
-from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve, curve_gain

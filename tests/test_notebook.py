@@ -45,7 +45,7 @@ def test_residual_of_one_joint_or_all_with_its_numbers(result: Identification, t
     assert head[:2] == ["time [s]", "residual [mNm]"] and head[2] == "95 % of noise, low [mNm]"
     drawn = 1e-3 * max(abs(float(row[1])) for row in rows)
     assert drawn == pytest.approx(np.abs(result.residuals["t4p2"].residual[:, 1]).max())
-    assert float(rows[0][3]) == pytest.approx(1960 * result.residual.noise_floor[1], rel=1e-3)
+    assert float(rows[0][3]) == pytest.approx(1960 * result.noise_in("t4p2")[1], rel=1e-3)
 
 
 def test_law_runs_through_the_data_with_the_known_size(result: Identification, tmp_path: Path) -> None:

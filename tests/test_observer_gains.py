@@ -137,7 +137,7 @@ def test_every_joint_has_the_noise_floor_of_its_own_bandwidth(tmp_path, observer
     plain = seen(0.0)
     change = [seen(1.0).residual - plain.residual for _ in range(6)]
     rms = np.sqrt(np.mean(np.square(change), axis=(0, 1)))
-    np.testing.assert_allclose(fit.residual.noise_floor, rms, rtol=0.15)
+    np.testing.assert_allclose(fit.noise_in("g1"), rms, rtol=0.15)
     np.testing.assert_allclose(plain.noise_floor, rms, rtol=0.15)
 
 
@@ -170,17 +170,18 @@ def test_they_are_used_saved_and_shown(tmp_path):
     assert read_json_back(shown).observer == shown.observer
     assert "gains β1 … β6 set by hand: 270, " in result.summary() and "(θ), 405, " in result.summary()
 
-    # the preview repeats the residual and the noise floor of the fit
+    # the preview repeats the residual and the noise of the fit, with its own observer
     group = measurements.fit_groups[0]
     alone = identify(
         measurements, groups=[group.name], observer="eso", gains=gains, max_iterations=3, refine=False
     )
     preview = ResidualPreview(measurements, group, alone.model)
     seen = preview.at(alone.observer)
-    np.testing.assert_allclose(seen.rms, alone.residual.rms, rtol=1e-6)
+    own = alone.residuals[group.name].residual
+    np.testing.assert_allclose(seen.rms, np.sqrt(np.mean(own**2, axis=0)), rtol=1e-6)
     preview.at(make_observer("butterworth-zero-phase", 30.0))  # and keeps nothing of another observer
     np.testing.assert_array_equal(preview.at(alone.observer).residual, seen.residual)
-    np.testing.assert_allclose(seen.noise_floor, alone.residual.noise_floor, rtol=0.02)
+    np.testing.assert_allclose(seen.noise_floor, alone.noise_in(group.name), rtol=0.02)
 
     session = Session.of(measurements)
     analysis = session.analysis.with_fit(observer="eso", gains=gains)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext
 
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
@@ -18,7 +19,6 @@ from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.elimination import eliminate
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.resolution import without
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of

@@ -23,6 +23,7 @@ from flexviz.report.markdown import markdown
 from flexviz.report.sections.summary import sentence
 from flexviz.report.writing import compose
 from flexviz.session import Session
+from flexviz.wording import number
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
 from tests.small_session import small_session
 from tests.small_set import TOML, write_small_set
@@ -92,11 +93,10 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
     for words in (
         "Added: Coulomb friction on joint2: > 99 % of the error. With it not all",
         "With it not all of the error is explained:",
-        "mostly on joint1; of the residual of joint2, 31 % follows the velocity",
+        "mostly on joint2, where 31 % of it follows the velocity",
         "The error on held-out groups went from ",
-        "from 138 × noise floor (",  # mean of 2.2 / 0.01 and 1.1 / 0.02
-        " % of the torque, 1.74 Nm) to 1.83 × noise floor (",  # sqrt of the mean square of (2.2, 1.1)
-        " % of the torque, 26.5 mNm).",
+        " % of the torque (1.74 Nm) to ",  # sqrt of the mean square of (2.2, 1.1)
+        " % of the torque (26.5 mNm).",
         "Before, other parameters had absorbed what was added:",
         "coulomb 3.000 ± 0.020 Nm", "Group g3 (held out: it was not fitted)",
         "motor viscous friction of joint2: 12.00 → 10.10 Nm s/rad",
@@ -123,20 +123,25 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
 def test_tables_hold_the_numbers(found: Both) -> None:
     measurements, session = found
     text = session_report(session, measurements, "md")
-    share = (
-        100 * 0.031 / np.concatenate([group.joined("tau") for group in measurements.groups]).std(axis=0)[1]
-    )
+    torque = np.concatenate([group.joined("tau") for group in measurements.groups])
+
+    def told(*rms: float) -> list[str]:
+        """In per cent of the joints' torque, and their mean."""
+        shares = 100 * np.array(rms) / torque.std(axis=0)
+        return [number(value, 3) for value in (*shares, shares.mean())]
+
+    first, last, noise = told(2.2, 1.1), told(0.021, 0.031), told(0.01, 0.02)
     for row in (
-        "| g3 | validate | 138 | 1.83 |",  # means of 2.2 / 0.01 and 1.1 / 0.02, 0.021 / 0.01 and 0.031 / 0.02
-        f"| joint2 | 55.0 | 1.55 | {share:.3g} |",
-        "| 31.0 mNm | 20.0 mNm |",
+        f"| g3 | validate | {first[2]} | {last[2]} |",
+        f"| joint2 | {first[1]} | {last[1]} |",
+        f"| 31.0 mNm | {noise[1]} % (20.0 mNm) |",
         "| stiffness \\[Nm/rad\\] | 1987.3 ± 4.1 ● | 1987.3 ± 4.1 ● |",
         "| link viscous friction \\[Nm s/rad\\] | ○ | ○ |",  # its interval is wider than its value
         "| motor viscous friction \\[Nm s/rad\\] | 1.10 ± 0.78 ◐ | 1.10 ± 0.78 ◐ |",
         "link viscous friction and motor viscous friction of joints 1 and 2.",
         "| **Added: Coulomb friction** | joint2 | coulomb 3.000 ± 0.020 Nm | \\> 99 % | 98 % |",
         "| model 0 | Torque offset on joint1 | offset 0.40 ± 0.39 Nm | 11 % | 2 % |",
-        "| joint2 | 1.55 × | 0 % | **31 %** | 4 % | 2 % | 3 % | **5 %** | **6 %** | **7 %** |",
+        f"| joint2 | {last[1]} % | 0 % | **31 %** | 4 % | 2 % | 3 % | **5 %** | **6 %** | **7 %** |",
         "| stiffness | joint2 | 1987 | 1400 | 1987 | Nm/rad | 280 | **not to be trusted** |",
     ):
         assert row in text, row

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext
 
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.resolution import without
 from flexviz.diagnosis.search import Search, best_of_each_place
 from flexviz.diagnosis.unknown_curve import is_curve

@@ -131,7 +131,7 @@ def test_the_summary_is_a_table(result: Identification) -> None:
         line for line in text.splitlines() if line.strip().startswith("stiffness") and "joint1" in line
     )
     assert "Nm/rad" in row and " weak " in row  # the set's model lacks friction
-    assert "rms fit [Nm]" in text and "observer butterworth-zero-phase" in text
+    assert "held out [%]" in text and "noise [Nm]" in text and "observer butterworth-zero-phase" in text
     html = result._repr_html_()
     assert html.count("<table>") == 3 and "<td>stiffness</td>" in html
     assert "Missing: Coulomb friction on joint2:" in DIAGNOSIS._repr_html_()

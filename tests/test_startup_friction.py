@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.motion_samples import Phase
 
 from benchmarks.diagnosis_study.motions import random_moves
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout

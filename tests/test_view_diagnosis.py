@@ -170,14 +170,14 @@ def test_evidence_follows_the_group() -> None:
 
 def test_stairs_fall_and_say_what_was_added() -> None:
     model_steps = (ModelStep((), STEP), ModelStep(("coulomb_friction:joint2",), LOW))
-    both, one = staircase_charts(model_steps, 1, JOINTS)
+    both, one = staircase_charts(model_steps, 1, JOINTS, (4.0, 4.0))
     labels = [series.label for series in both.series]
-    assert labels == ["g1", "g4 (validation)", "noise floor"]
-    assert both.series[0].y[0] == pytest.approx(125.0) and both.series[0].y[-1] == pytest.approx(12.5)
-    assert list(columns(both)[0]) == [-0.5, 0.5, 0.5, 1.5] and one.series[0].y[0] == pytest.approx(50.0)
+    assert labels == ["g1", "g4 (validation)", "noise"]
+    assert both.series[0].y[0] == pytest.approx(37.5) and both.series[0].y[-1] == pytest.approx(3.75)
+    assert list(columns(both)[0]) == [-0.5, 0.5, 0.5, 1.5] and one.series[0].y[0] == pytest.approx(25.0)
     assert both.x.ticks == ((0, "0"), (1, "1")) and both.series[1].dash and not both.series[0].dash
-    assert set(both.series[-1].y) == {1.0}  # the noise floor
-    assert "g1 from 125 to 12.5 × noise floor" in both.description
+    assert both.series[-1].y == pytest.approx([0.375, 0.375])  # the noise: one for all models
+    assert "g1 from 37.5 to 3.75 % of the torque" in both.description
     assert "+ Coulomb friction on joint2" in staircase_html(model_steps, JOINTS)
     families = (("coulomb_friction:joint2", "dry_friction"),)
     untold = (model_steps[0], replace(model_steps[1], families=families))
@@ -217,9 +217,7 @@ def residuals(n: int = 2000) -> Any:
     q = np.stack([np.sin(time), np.cos(time)], axis=1)
     velocity = np.stack([np.cos(time), -np.sin(time)], axis=1)
     series = SimpleNamespace(time=time, q=q, torque=q, residual=2.0 * np.sign(velocity))
-    return SimpleNamespace(
-        residuals={"g1": series, "g2": series}, residual=SimpleNamespace(noise_floor=(0.1, float("nan")))
-    )
+    return SimpleNamespace(residuals={"g1": series, "g2": series}, noise_in=lambda group: (0.1, float("nan")))
 
 
 def test_the_residual_over_time_lies_in_the_band_of_the_noise() -> None:

@@ -311,16 +311,16 @@ def test_the_cost_falls_although_its_weights_change() -> None:
     assert fall[0] == 1.0 and np.all(np.diff(fall) <= 0.0)
     assert fall[-1] == pytest.approx(403 / 1204 * 769 / 853 * 1192 / 1251)
     error, cost, _ = convergence_charts(
-        steps, [JointErrors((rms,), (0.1,), (4.0,)) for rms in (8.0, 0.8, 0.7, 0.65)]
+        steps, [JointErrors((rms,), (4.0,), (0.1,)) for rms in (8.0, 0.8, 0.7, 0.65)]
     )
-    assert error.y.unit == "× noise floor"
+    assert error.y.unit == "% of the torque"
     assert [stage.name for stage in cost.stages] == ["1. fit", "2. fit, new weights", "3. again"]
     x, line, floor, *bands = columns(error)
     assert (
-        line[0] == pytest.approx(80.0)
-        and line[2] == pytest.approx(8.0)
-        and line[-1] == pytest.approx(6.5)
-        and set(floor) == {1.0}
+        line[0] == pytest.approx(200.0)
+        and line[2] == pytest.approx(20.0)
+        and line[-1] == pytest.approx(16.25)
+        and set(floor) == {2.5}
     )
     for stage, band in zip(cost.stages, bands, strict=True):  # as wide as its iterations, none overlaps
         assert x[band == 1.0].min() == stage.first and x[band == 1.0].max() == stage.last

@@ -186,10 +186,10 @@ def test_status_names_step_and_error() -> None:
     )
     measured: Any = Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012], noise_floor=(0.01, 0.002))
     text, hover = status.stated_error(result, measured)
-    assert text == "validation error 3.60 × noise floor, most on b: 6.00 ×"
-    assert hover == "7.50 % of the torque, 12.0 mNm"
+    assert text == "validation error 7.50 % of the torque, most on a: 12.0 %"
+    assert hover == "12.0 mNm; noise: 5.25 %, 7.21 mNm"
     line = status.status_html("Identify", "", text, "", hover)
-    assert f'title="{hover}"' in line and "<span>6.00 ×</span>" in line
+    assert f'title="{hover}"' in line and "<span>12.0 %</span>" in line
     result.residual.torque_spread = ()
     fitted: Any = Residual(("a", "b"), [0.3, 0.4], None)
     assert status.error_text(result, fitted).startswith("fit error 0.354 Nm")
@@ -231,14 +231,14 @@ def test_step_line_marks_where_one_is() -> None:
 
 
 def errors_of(*rms: float) -> Any:
-    """Errors of two joints in group g<1>, above a noise floor of 0.01 and 0.02 Nm."""
+    """Errors of two joints in group g<1>, above a noise of 0.01 and 0.02 Nm."""
     return Residual(("a", "b"), rms, None, groups=(("g<1>", rms, False),), noise_floor=(0.01, 0.02))
 
 
 def test_links_at_the_noise_are_dark_and_the_scale_keeps_its_end() -> None:
     spread = (2.0, 4.0)  # [Nm]
     bad = link_colours(errors_of(0.011, 0.4), spread)
-    assert bad is not None and bad.end == pytest.approx(0.4 / 0.02)
+    assert bad is not None and bad.end == pytest.approx(10.0)  # % of the torque
     assert bad.colours[1] == colours.cividis(1.0) and sum(bad.colours[0]) < sum(colours.cividis(0.1))
     good = link_colours(errors_of(0.0101, 0.021), spread, [errors_of(0.011, 0.4)])
     assert good is not None and good.end == bad.end
@@ -249,12 +249,11 @@ def test_links_at_the_noise_are_dark_and_the_scale_keeps_its_end() -> None:
     assert link_colours(None, spread) is None
 
 
-def test_the_brightest_link_is_farthest_above_its_noise_not_of_the_smallest_torque() -> None:
-    # the first joint has the larger share of its torque (11 % against 10 %), the second is 20 times its noise
+def test_the_brightest_link_has_the_largest_share_of_its_torque() -> None:
+    # as in the status line: 11 % against 10 %, whatever the noise
     found = link_colours(errors_of(0.11, 0.4), (1.0, 4.0))
     assert found is not None and found.errors.shares == pytest.approx([11.0, 10.0])
-    beyond = np.sqrt(np.array([11.0, 20.0]) ** 2 - 1)
-    assert found.colours == [colours.cividis(float(one)) for one in beyond / beyond[1]]
+    assert found.colours == [colours.cividis(one / 11.0) for one in found.errors.shares]
     unknown = replace(errors_of(0.11, 0.4), noise_floor=())
     shares = link_colours(unknown, (1.0, 4.0))
     assert shares is not None and shares.colours[0] == colours.cividis(1.0)
@@ -266,13 +265,13 @@ def test_legend_has_numbers_and_colours() -> None:
     assert "after Run" in legend_html(None)
     found = link_colours(errors_of(0.1, 0.25), (2.0, 4.0))
     text = legend_html(found, ("model 0", "model <1>"))
-    assert "model &lt;1&gt;" in text and "Link: error [× noise floor]" in text
+    assert "model &lt;1&gt;" in text and "Link: error [% of the torque]" in text
     motion = RobotMotion("g", np.array([0.0, 1.0]), np.zeros((2, 2)), None, "unknown")
     html = joints_html(("a", "b"), found, motion, 0.5)
     table = re.sub(r"<[^>]*>", " ", html).split()
-    assert table[table.index("a") + 1] == "10.0" and table[table.index("b") + 1] == "12.5"
-    assert 'title="6.25 % of the torque, 0.250 Nm"' in html
-    assert "error 12.5 × noise floor (6.25 % of the torque, 0.250 Nm)" in html and "◂" not in html
+    assert table[table.index("a") + 1] == "5.00" and table[table.index("b") + 1] == "6.25"
+    assert 'title="0.250 Nm; noise: 0.500 %, 20.0 mNm"' in html
+    assert "error 6.25 % of the torque (0.250 Nm)" in html and "◂" not in html
     marked = joints_html(("a", "b"), found, motion, 0.5, missing={"b": "Backlash"})
     first, second = marked.split("<tr ")[1:]
     assert "◂" not in first and "◂" in second and "missing: Backlash" in second

@@ -8,15 +8,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from flexviz.diagnosis import Step
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS
-from flexviz.records import Absorbed, Decoys, EffectParameter, Move, Note
-from flexviz.results import parts
+from flexviz.records import Absorbed, Decoys, DetectionLimit, EffectParameter, LimitReason, Move, Note
+from flexviz.results import ResultDocument, parts
 from flexviz.wording import (
     FAMILY_TITLES,
     PERCENT,
-    TIMES,
     JointErrors,
     decoys_text,
     explained,
@@ -36,31 +36,40 @@ from flexviz.wording import (
     told_moves,
     verdict_text,
 )
+from flexviz.wording.verdicts import STOPPED
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS, TRACE
 
 FIRST = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(7.0, 0.02, "Nm")}, score=0.5)
 JOINTS = ("joint1", "joint2")
 
 
-def test_an_error_is_a_multiple_of_the_noise_floor_first() -> None:
-    errors = JointErrors((0.3, 0.4), (0.1, 0.01), (3.0, 1.0))
-    assert errors.unit == TIMES and errors.values == pytest.approx([3.0, 40.0]) and errors.order == [1, 0]
-    assert errors.whole() == "21.5 × noise floor (25.0 % of the torque, 0.354 Nm)"
-    assert errors.whole(0) == "3.00 × noise floor (10.0 % of the torque, 0.300 Nm)"
-    assert (errors.short(), errors.short(1)) == ("21.5 ×", "40.0 ×")
-    # the torque of a joint that is held still has no spread; a noise floor of zero is none
-    assert JointErrors((0.3,), (0.1,), (0.0,)).hover(0) == "0.300 Nm"
-    assert JointErrors((0.3, 0.4), (0.1, 0.0), (3.0, 1.0)).unit == PERCENT
+def test_an_error_is_in_per_cent_of_the_torque_and_in_nm_beside_the_noise() -> None:
+    errors = JointErrors((0.3, 0.4), (3.0, 1.0), (0.1, 0.01))
+    assert errors.unit == PERCENT and errors.values == pytest.approx([10.0, 40.0]) and errors.order == [1, 0]
+    assert errors.whole() == "25.0 % of the torque (0.354 Nm)"
+    assert errors.whole(0) == "10.0 % of the torque (0.300 Nm)"
+    assert (errors.short(), errors.short(1)) == ("25.0 %", "40.0 %")
+    assert errors.mark is not None and errors.mark.values == pytest.approx([10 / 3, 1.0])
+    assert errors.hover(1) == "0.400 Nm; noise: 1.00 %, 10.0 mNm"
+    assert errors.other(1, PERCENT) == "0.400 Nm" and errors.other(1, "Nm") == "40.0 % of the torque"
+    # the torque of a joint that is held still has no spread; a noise of zero is none
+    assert JointErrors((0.3,), (0.0,), (0.0,)).hover(0) == "0.300 Nm"
+    assert JointErrors((0.3, 0.4)).mark is None
     step: Any = SimpleNamespace(rms=(0.3,), rms_validation=(0.2,), noise_floor=(0.1,))
-    assert stated_errors(step, ()).text() == "2.00 × noise floor"
+    assert stated_errors(step, (2.0,)).text() == "10.0 % of the torque"
     step.rms_validation = (math.nan,)
-    assert stated_errors(step, ()).text() == "3.00 × noise floor"
+    assert stated_errors(step, (2.0,)).text() == "15.0 % of the torque"
 
 
-def test_an_error_is_told_in_other_units_where_noise_or_torque_are_unknown() -> None:
-    # without a noise floor
-    errors = JointErrors((0.3, 0.4), (), (3.0, 1.0))
-    assert errors.whole() == "25.0 % of the torque (0.354 Nm)" and errors.short(1) == "40.0 %"
+def test_the_noise_of_a_model_changes_no_error() -> None:
+    """A model that passes more noise, with a smaller error in Nm, is not told as worse."""
+    before: Any = SimpleNamespace(rms=(2.0,), rms_validation=None, noise_floor=(0.1,))
+    after: Any = SimpleNamespace(rms=(1.0,), rms_validation=None, noise_floor=(0.01,))
+    assert stated_errors(after, (9.0,)).mean < stated_errors(before, (9.0,)).mean
+    assert stated_errors(after, ()).mean < stated_errors(before, ()).mean
+
+
+def test_an_error_is_told_in_other_units_where_the_torque_is_unknown() -> None:
     assert JointErrors((0.3, 0.4)).whole() == "0.354 Nm" and JointErrors((0.03,)).text(0) == "30.0 mNm"
     assert mean_nrms((0.3, 0.4), (0.0, 1.0)) == 0.4  # a constant torque has no share
     assert [explained(e) for e in (0.2, 0.078, 1e-4, 1.7, math.nan)] == [
@@ -69,11 +78,8 @@ def test_an_error_is_told_in_other_units_where_noise_or_torque_are_unknown() -> 
 
 
 def test_what_stays_is_ranked_by_the_measure() -> None:
-    text = left_text(("arm", "wrist"), JointErrors((90.0, 15.0), (15.0, 0.15), (600.0, 200.0)))
-    assert text == (
-        "wrist 100 × noise floor (7.50 % of its torque, 15.0 Nm); "
-        "arm 6.00 × noise floor (15.0 % of its torque, 90.0 Nm)"
-    )
+    text = left_text(("arm", "wrist"), JointErrors((90.0, 15.0), (600.0, 200.0), (15.0, 0.15)))
+    assert text == "arm 15.0 % of its torque (90.0 Nm); wrist 7.50 % of its torque (15.0 Nm)"
     assert left_text(("a", "b"), JointErrors((1.0, 2.0))) == "b 2.00 Nm; a 1.00 Nm"
 
 
@@ -148,19 +154,21 @@ def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> Non
     assert "1. coulomb_friction on joints 1 and 2: together they remove 98 % of the error" in text
     assert "joint1: coulomb 7.000 ± 0.039 Nm" in text and "joint2: coulomb 3.000 ± 0.020 Nm" in text
     rows = [line.split() for line in text.splitlines()]
-    assert ["220", "55.0", "138", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
-    assert ["2.00", "15.0", "8.50", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
+    assert ["20.0", "11.0", "15.5", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
+    assert ["0.182", "3.00", "1.59", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
     assert sum(row[:2] == ["+", "Coulomb"] for row in rows) == 1  # two steps, one line
-    assert "what is left: joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm); joint1 2.00 ×" in text
+    assert "what is left: joint2 3.00 % of its torque (0.300 Nm); joint1 0.182 % of its torque" in text
     assert text.count("absorbed") == 1 and "unexplained" not in text
-    assert "error of the held-out groups [× noise floor]" in text
+    assert "error of the held-out groups [% of the torque]" in text
+    assert ["noise", "[Nm]", "0.0100", "0.0200"] in rows
+    assert ["noise", "[%", "of", "the", "torque]", "0.0909", "0.200", "0.15"] in rows
     silent = tuple(replace(step, noise_floor=()) for step in diagnosis.steps)
     shares = lines(replace(diagnosis, steps=silent), (11.0, 10.0))
-    assert "error of the held-out groups [% of the torque]" in shares  # without the noise
+    assert "error of the held-out groups [% of the torque]" in shares and "noise [" not in shares
     assert "error of the held-out groups [Nm]" in lines(replace(diagnosis, steps=silent))  # nor the torque
     narrow = replace(diagnosis, torque_spread=(11.0, 10.0)).summary(width=60)
     assert "  1: + Coulomb friction on joints 1 and 2 → unknown" in narrow
-    assert ["1", "2.0", "15", "8.5"] in [line.split() for line in narrow.splitlines()]
+    assert ["1", "0.18", "3.0", "1.6"] in [line.split() for line in narrow.splitlines()]
 
 
 def test_a_held_out_group_without_samples_leaves_no_empty_error() -> None:
@@ -330,3 +338,46 @@ def test_the_summary_tells_why_in_six_lines() -> None:
     own = [line for line in shown if line.endswith("nats") or "accepted" in line or "why these" in line]
     assert len(own) == 6 and own[4].strip() == "5 more accepted moves" and "not added" in own[5]
     assert "why these" not in DIAGNOSIS.summary()
+
+
+@pytest.mark.parametrize(
+    ("because", "hides"),
+    [
+        ("noise", "the noise of the sensors hides what is smaller"),
+        ("filter", "the filter that the recording has passed hides what is smaller"),
+        ("resolution", "the resolution of the sensors hides what is smaller"),
+        ("tolerance", "the equations of the model are no more accurate"),
+    ],
+)
+def test_nothing_missing_says_down_to_what_that_holds(because: LimitReason, hides: str) -> None:
+    complete = replace(DIAGNOSIS, verdict="nothing-missing", limit=DetectionLimit(0.0002, because))
+    said = f"This holds down to 0.020 % of the torque: {hides}."
+    assert verdict_text(complete).endswith(f"no effect of the library explains any of it. {said}")
+    assert complete.to_dict()["limit"] == {"share": 0.0002, "because": because}
+    read = ResultDocument.from_dict(complete.to_dict())
+    assert read.limit == complete.limit and said in read.summary()
+    added = verdict_text(complete, ["Coulomb friction on joint2"])
+    assert (
+        added.startswith("Added: Coulomb friction on joint2. With it nothing is missing:") and said in added
+    )
+    unknown = replace(complete, limit=None)
+    assert "holds down to" not in verdict_text(unknown) and "limit" not in unknown.to_dict()
+
+
+def test_a_limit_is_a_share_and_one_of_four_reasons() -> None:
+    for wrong in ({"share": -0.1, "because": "noise"}, {"share": 0.1, "because": "weather"}):
+        with pytest.raises(ValidationError):
+            ResultDocument.from_dict(DIAGNOSIS.to_dict() | {"limit": wrong})
+
+
+def test_a_stopped_diagnosis_says_so_and_does_not_speak_for_the_library() -> None:
+    stopped = replace(DIAGNOSIS, stopped=True)
+    missing = verdict_text(stopped)
+    assert missing.startswith("Missing: Coulomb friction on joint2") and missing.endswith(STOPPED)
+    unknown = verdict_text(replace(stopped, verdict="unknown"))
+    assert unknown.startswith("Unknown: no effect tried so far explains") and unknown.endswith(STOPPED)
+    assert "of the library" not in unknown and STOPPED not in verdict_text(DIAGNOSIS)
+    nothing = replace(stopped, verdict="not-searched", findings=())
+    said = "Not searched: the diagnosis was stopped before it tried any effect."
+    assert verdict_text(nothing) == said and said in nothing.summary()
+    assert ResultDocument.from_dict(nothing.to_dict()).verdict == "not-searched"

@@ -14,12 +14,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from flexviz.diagnosis.motion_fit import MotionContext
 
 from benchmarks.diagnosis_study.judging import UNKNOWN
 from benchmarks.diagnosis_study.oracle import chosen, errors, with_hidden
 from benchmarks.running import Json, case_folder, made_cases, read, truth_file
 from flexviz.diagnosis import FitContext, diagnose
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.effects import choose_effects, free_curve
 from flexviz.equation import Layout
 from flexviz.identification import identify

@@ -12,7 +12,7 @@ from flexviz.errors import InputError
 from flexviz.records import ParameterEstimate
 from flexviz.results import ResultDocument
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import JointErrors, number, plain_name
+from flexviz.wording import PERCENT, TORQUE, JointErrors, number, plain_name
 
 NO_HELD_OUT = "no group is held out"
 
@@ -30,6 +30,7 @@ class AcceptanceLine:
         unit: of both; empty for a verdict.
         passed: whether figure ≤ limit, or the verdict is one of the accepted ones.
         remark: why there is no figure; empty otherwise.
+        also: an error in the other unit, per cent or Nm.
     """
 
     what: str
@@ -40,13 +41,17 @@ class AcceptanceLine:
     unit: str
     passed: bool
     remark: str = ""
+    also: str = ""
 
     @property
     def figure_text(self) -> str:
         """ "3.21 %", "nothing-missing", or why there is no figure."""
         if self.figure is None:
             return self.remark
-        return self.figure if isinstance(self.figure, str) else f"{number(self.figure, 3)} {self.unit}"
+        if isinstance(self.figure, str):
+            return self.figure
+        also = f" ({self.also})" if self.also else ""
+        return f"{number(self.figure, 3)} {self.unit}{also}"
 
     @property
     def limit_text(self) -> str:
@@ -112,15 +117,15 @@ def _errors(result: ResultDocument, joints: Sequence[str]) -> JointErrors | None
     if result.steps:
         last, spread = result.steps[-1], result.torque_spread
         names = result.torque.joints if result.torque is not None else joints
-        rms, floor = last.rms_validation, last.noise_floor
+        rms = last.rms_validation
     elif result.residual is not None:
         of = result.residual
-        rms, floor, spread, names = of.rms_validation, of.noise_floor, of.torque_spread, of.joints
+        rms, spread, names = of.rms_validation, of.torque_spread, of.joints
     else:
         raise InputError(f"the result of {result.set} has no errors per joint, expected those of a diagnosis")
     if list(names) != list(joints):
         raise InputError(f"the result is of the joints {', '.join(names)}, the set has {', '.join(joints)}")
-    return JointErrors(rms, floor, spread) if rms else None
+    return JointErrors(rms, spread) if rms else None
 
 
 def _held_out(
@@ -128,9 +133,8 @@ def _held_out(
 ) -> Iterator[AcceptanceLine]:
     of = limits.of(joint)
     kinds = (
-        (of.held_out_percent, "% of the torque", [] if errors is None else errors.shares),
-        (of.held_out_times_noise, "× noise floor", [] if errors is None else _of_noise(errors)),
-        (of.held_out_torque, "Nm", [] if errors is None else errors.rms),
+        (of.held_out_percent, PERCENT, [] if errors is None else errors.shares),
+        (of.held_out_torque, TORQUE, [] if errors is None else errors.rms),
     )
     for limit, unit, values in kinds:
         if limit is None:
@@ -139,11 +143,8 @@ def _held_out(
         figure = values[index] if known else None
         remark = "" if known else NO_HELD_OUT if errors is None else "not known"
         passed = figure is not None and figure <= limit
-        yield AcceptanceLine("held-out error", joint, None, figure, limit, unit, passed, remark)
-
-
-def _of_noise(errors: JointErrors) -> list[float]:
-    return JointErrors(errors.rms, errors.floor).values if any(errors.floor) else []
+        also = "" if errors is None or figure is None else errors.other(index, unit)
+        yield AcceptanceLine("held-out error", joint, None, figure, limit, unit, passed, remark, also)
 
 
 def _interval(name: str, joint: str | None, found: ParameterEstimate | None, limit: float) -> AcceptanceLine:

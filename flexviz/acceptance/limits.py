@@ -30,13 +30,11 @@ class JointLimits(StrictTable):
     Attributes:
         held_out_percent: rms error on the held-out groups in per cent of the joint's torque (its standard
             deviation over all groups).
-        held_out_times_noise: the same error in multiples of the joint's noise floor.
         held_out_torque: the same error [Nm].
         interval_percent: parameter → half of its 95 % interval in per cent of its value.
     """
 
     held_out_percent: Positive | None = None
-    held_out_times_noise: Positive | None = None
     held_out_torque: Positive | None = None
     interval_percent: dict[str, Positive] = Field(default_factory=dict)
 

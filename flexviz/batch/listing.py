@@ -51,8 +51,8 @@ def about_html(row: FleetRow, apart: Sequence[Outlier], index: int) -> str:
     if row.state == FAILED:
         lines.append(f'<span class="fv-warn">{escape(row.error)}</span>')
     if row.state == DONE and row.residual_before is not None and row.residual is not None:
-        errors = f"error {percent(row.residual_before)} of the torque"
-        after = f", {percent(row.residual)} with {found_text(row)}" if row.found else ""
+        errors = f"error {row.error_text_before}"
+        after = f", {row.error_text} with {found_text(row)}" if row.found else ""
         lines.append(escape(errors + after))
     if row.date_from == "file":
         lines.append("The set states no date: * is that of its files.")

@@ -29,7 +29,7 @@ from flexviz.report import (
 )
 from flexviz.report import table as report_table
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import effect_text_name, interval, number, percent, plural
+from flexviz.wording import effect_text_name, interval, number, plural
 
 MOST_ROWS = 1000  # of a table on the page; the Parquet table has all
 MOST_CHARTS = 8
@@ -37,6 +37,7 @@ VERDICTS = {
     "missing": "effects missing",
     "nothing-missing": "nothing missing",
     "unknown": "unknown",
+    "not-searched": "stopped before the search",
     "": "not diagnosed",
 }
 FIRST_SHOWN = ("stiffness", "viscous_friction_sum")  # where nothing drifts, these are drawn
@@ -176,11 +177,12 @@ def _failures(rows: Sequence[FleetRow]) -> Section | None:
 def _sets(rows: Sequence[FleetRow]) -> Section:
     body = [
         [row.set, row.robot, row.day, verdict_words(row),
-         found_text(row), _percent(row.residual_before), _percent(row.residual), number(row.seconds, 2)]
+         found_text(row), _short(row.error_text_before), _short(row.error_text), number(row.seconds, 2)]
         for row in rows[:MOST_ROWS]
     ]  # fmt: skip
     about = (
-        "Error: held out, relative to the torque; of the set's own model and of the last. * date of the file."
+        "Error: held out, in per cent of the torque and in Nm; of the set's own model and of the last. * "
+        "date of the file."
     )
     if len(rows) > MOST_ROWS:
         about += f" The first {MOST_ROWS} of {len(rows)}; the Parquet table has all."
@@ -188,5 +190,5 @@ def _sets(rows: Sequence[FleetRow]) -> Section:
     return section("Sets", explanation(about), report_table(head, body, numbers=(5, 6, 7), dense=True))
 
 
-def _percent(share: float | None) -> str:
-    return "–" if share is None else percent(share)
+def _short(error: str) -> str:
+    return error.replace(" of the torque", "")

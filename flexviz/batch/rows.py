@@ -16,7 +16,15 @@ from flexviz.batch.tasks import TaskResult
 from flexviz.effects import free_curve
 from flexviz.records import ParameterEstimate
 from flexviz.results import ResultDocument
-from flexviz.wording import INERTIAL, confidence_of, mean_nrms, tied_families
+from flexviz.wording import (
+    INERTIAL,
+    confidence_of,
+    mean_nrms,
+    percent,
+    quantity,
+    tied_families,
+    total_rms,
+)
 
 DONE, FAILED, WAITING = "done", "failed", "not done"
 
@@ -42,6 +50,8 @@ class FleetRow:
         parameters: "stiffness:joint1" -> value; inertial parameters are left out.
         families: for each effect in `found` the family that it stands for, where the data do not tell which
             kind; "" where they do. Empty in tables that earlier versions wrote.
+        residual_torque, residual_torque_before: the errors of the last and of the set's own model, root mean
+            square of the joints [Nm]; None in tables that earlier versions wrote.
     """
 
     set: str
@@ -65,6 +75,18 @@ class FleetRow:
     seconds: float | None
     parameters: dict[str, ParameterEstimate]
     families: tuple[str, ...] = ()
+    residual_torque: float | None = None
+    residual_torque_before: float | None = None
+
+    @property
+    def error_text(self) -> str:
+        """The error of the last model: "1.2 % of the torque (0.31 Nm)"."""
+        return _told(self.residual, self.residual_torque)
+
+    @property
+    def error_text_before(self) -> str:
+        """The same of the set's own model."""
+        return _told(self.residual_before, self.residual_torque_before)
 
     @property
     def named(self) -> list[tuple[str, str]]:
@@ -110,7 +132,7 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
     steps = (step.added for step in diagnosed.steps) if diagnosed else ()
     added = [one for one in steps if one is not None and free_curve(one.effect) is None]
     families = tied_families(added)
-    before, after = _errors(identified, diagnosed)
+    before, after, spread = _errors(identified, diagnosed)
     return FleetRow(
         **common,
         state=DONE,
@@ -119,8 +141,10 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         final_verdict=(diagnosed.final_verdict or "") if diagnosed else "",
         found=tuple(one.text for one in added),
         confidence=confidence_of(added[0]) if added else None,
-        residual=after,
-        residual_before=before,
+        residual=_share(after, spread),
+        residual_before=_share(before, spread),
+        residual_torque=total_rms(after) if after else None,
+        residual_torque_before=total_rms(before) if before else None,
         converged=identified.converged,
         seconds=result.seconds,
         parameters={
@@ -132,20 +156,23 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
 
 def _errors(
     identified: ResultDocument, diagnosed: ResultDocument | None
-) -> tuple[float | None, float | None]:
-    """Errors of the first and the last model relative to the torque, both in the same band."""
+) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+    """Errors of the first and the last model per joint, in the same band, and the torque's spread [Nm]."""
     if diagnosed is not None and diagnosed.steps and diagnosed.torque is not None:
-        spread = diagnosed.torque.spread
-        ends = [diagnosed.steps[0], diagnosed.steps[-1]]
-        first, last = (_share(step.rms_validation or step.rms, spread) for step in ends)
-        return first, last
-    if identified.residual is None:
-        return None, None
+        first, last = (one.rms_validation or one.rms for one in (diagnosed.steps[0], diagnosed.steps[-1]))
+        return first, last, diagnosed.torque.spread
     residual = identified.residual
-    share = _share(residual.rms_validation or residual.rms, residual.torque_spread)
-    return share, share
+    if residual is None:
+        return (), (), ()
+    error = residual.rms_validation or residual.rms
+    return error, error, residual.torque_spread
 
 
 def _share(rms: Sequence[float], spread: Sequence[float]) -> float | None:
-    share = mean_nrms(rms, spread) if len(rms) == len(spread) else math.nan
+    share = mean_nrms(rms, spread) if rms and len(rms) == len(spread) else math.nan
     return share if math.isfinite(share) else None
+
+
+def _told(share: float | None, torque: float | None) -> str:
+    told = "–" if share is None else f"{percent(share)} of the torque"
+    return told if torque is None else f"{told} ({quantity(torque, 'Nm', 2)})"

@@ -148,18 +148,20 @@ def source(one: SessionSummary) -> str:
 def errors(found: SessionComparison) -> Table:
     """Fitted and held-out error of each joint, one column per session."""
     from flexviz.results import plain_table
-    from flexviz.wording import number
+    from flexviz.wording import JointErrors
 
     joints = list(dict.fromkeys(joint for s in found.sessions for joint in s.joints))
-    table = plain_table("rms [Nm]", numbers=[s.name for s in found.sessions])
-    labels = {"rms": "fitted", "rms_validation": "held out", "noise_floor": "noise floor"}
+    table = plain_table("error, % of the torque", numbers=[s.name for s in found.sessions])
+    labels = {"rms": "fitted", "rms_validation": "held out", "noise_floor": "noise"}
     for joint in joints:
         for key, label in labels.items():
             cells = []
             for s in found.sessions:
                 values = getattr(s, key)
                 known = joint in s.joints and len(values) == len(s.joints)
-                cells.append(number(values[s.joints.index(joint)], 3) if known else "–")
+                errors = JointErrors(values, s.torque_spread)
+                told = errors.whole(s.joints.index(joint)) if known else "–"
+                cells.append(told.replace(" of the torque", ""))
             table.add_row(f"{joint}, {label}", *cells)
     return table
 

@@ -115,11 +115,17 @@ def described(file: Path) -> Recording | None:
 
 
 def errors(result: dict[str, Any]) -> str:
-    """The errors of a result [Nm], per joint."""
+    """The errors of a result per joint."""
+    from flexviz.wording import JointErrors
+
     residual = result["residual"]
-    text = "rms " + " ".join(f"{value:.4g}" for value in residual["rms"])
-    held_out = residual["rms_validation"]
-    return text + ("" if held_out is None else ", held out " + " ".join(f"{v:.4g}" for v in held_out)) + " Nm"
+    rows = {"error": residual["rms"], "held out": residual["rms_validation"]}
+    told = []
+    for name, rms in rows.items():
+        if rms is not None:
+            found = JointErrors(rms, residual.get("torque_spread", ()))
+            told.append(f"{name} {'; '.join(found.whole(j) for j in range(len(rms)))}")
+    return ", ".join(told)
 
 
 def compared(a: Recording, b: Recording, out: Path) -> Path:

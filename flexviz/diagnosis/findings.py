@@ -157,12 +157,13 @@ def own_parameters(effect: ChosenEffect, stair: Stair) -> dict[str, EffectParame
 
 
 def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
-    """Share of the held-out excess over the noise that a step removed, each joint relative to its noise."""
-    floor = np.maximum(np.array(before.noise_floor), 1e-300)
+    """Share of the held-out error above the noise that a step removed; joints count by their torque."""
+    weight = np.array([1 / one if one > 0 else 0.0 for one in before.spread]) if before.spread else 1.0
+    floor = np.array(before.noise_floor)
 
     def excess(errors: PredictionErrors) -> float:
-        rms = np.array(errors.rms_validation or errors.rms)
-        return float(np.maximum((rms / floor) ** 2 - 1, 0).sum())
+        rms = np.array(errors.stated)
+        return float((np.maximum(rms**2 - floor**2, 0.0) * np.square(weight)).sum())
 
     old, new = excess(before), excess(after)
     return float(np.clip(1 - new / max(old, 1e-300), 0.0, 1.0))

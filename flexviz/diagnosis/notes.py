@@ -15,7 +15,7 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.motion import MOTION, Phase, Phases
 from flexviz.records import FreeCurve, Note, NoteKind
 from flexviz.results import BandwidthCheck
-from flexviz.wording import MOST_NAMED, listed, plural
+from flexviz.wording import JointErrors, left_text, listed, plural, stated_errors
 
 Array = NDArray[np.float64]
 
@@ -41,29 +41,29 @@ def notes(
     out: list[tuple[NoteKind, str]] = []
     joints = final.layout.joints
     if model_error_variance is not None:
-        sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
+        left = JointErrors(np.sqrt(model_error_variance).tolist(), errors.spread)
+        sizes = ", ".join(f"{joint} {left.whole(j)}" for j, joint in enumerate(joints))
         text = (
-            "no model reaches the noise floor, so an effect was added only if it also predicts the held-out "
+            "no model reaches the noise, so an effect was added only if it also predicts the held-out "
             "groups better"
         )
-        out.append(("model-error", f"{text}; torque error left in the model [Nm]: {sizes}"))
+        out.append(("model-error", f"{text}; torque error left in the model: {sizes}"))
     floor, rms = np.maximum(errors.noise_floor, 1e-300), np.array(errors.stated)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
     if verdict == "nothing-missing" and pulses and largest[j] > MOTION.outlier * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
+        said = JointErrors(largest.tolist(), errors.spread).whole(j)
         text = (
-            f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "
+            f"the error of {joints[j]}, {said} in the {kind} groups, arises at motion "
             "reversals and backlash crossings: it includes their unknown torque, which the fit treats as "
             "pulses of unknown size"
         )
         out.append(("pulses", text))
     if verdict == "unknown":
-        ratio = rms / floor
-        worst = np.argsort(-ratio)[:MOST_NAMED]
-        left = ", ".join(f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in worst)
-        out.append(("unexplained", f"unexplained residual (Nm): {left}"))
+        told = stated_errors(errors, errors.spread)
+        out.append(("unexplained", f"unexplained residual: {left_text(joints, told)}"))
     if curve is not None and curve.certain:
         sides = " and the direction of motion" if len(curve.directions) > 1 else ""
         text = (

@@ -153,7 +153,8 @@ class _Description:
         )
         links = layout.inertial
         return Diagnosis(
-            set_name=course.measurements.name, verdict="missing" if found else made[0].verdict, findings=tuple(found), where=where,
+            set_name=course.measurements.name, verdict="missing" if found else made[0].verdict,
+            findings=tuple(found), where=where,
             steps=tuple(made), effects=effect_values(shown), parameters=parameters,
             seconds=time.perf_counter() - course.began, stopped=course.stopped,
             notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,

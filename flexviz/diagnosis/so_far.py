@@ -63,4 +63,4 @@ class BestModelTracker:
         names = text_names(texts, self.own.joints)
         more = len(names) - MOST_NAMED
         model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)
-        return BestModel(model, f"{kind} {before.short()} → {now.text()}", *drawn)
+        return BestModel(model, f"{kind} {before.short()} → {now.whole()}", *drawn)

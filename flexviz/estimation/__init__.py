@@ -3,6 +3,7 @@
 from flexviz.estimation.base_inertials import BaseParameters, base_parameters
 from flexviz.estimation.covariance import Covariance, sandwich, score_covariance, spectral_covariance
 from flexviz.estimation.descent import Descent, NormalEquations, Place, Problem, Reach
+from flexviz.estimation.error_band import BAND_HERTZ, LONGEST_EDGE, ErrorBand, PredictionErrors
 from flexviz.estimation.instrumental_variables import MAX_ITERATIONS, Solved, refine, solve
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
 from flexviz.estimation.linear_algebra import Bounds, bounded_step, scaled_inverse

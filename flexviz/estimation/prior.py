@@ -69,11 +69,15 @@ def physically_consistent(parameters: Array) -> Array:
 
 
 def torque_scale(layout: Layout, x: Array) -> Array:
-    """Applied over recorded torque of each joint, shape (n,), by the effects of a model with parameters x."""
+    """Applied by recorded torque, 1 + g of each joint, shape (n,), of a model with parameters x, shape (P,).
+
+    A residual divided by it is in units of the recorded torque: an error does not shrink with the gain.
+    """
     scale = np.ones(layout.n)
     for effect, where in layout.effect_slices():
         if EFFECTS[effect.effect].scales_torque:
-            scale[effect.place.own_joint] *= max(1 + float(x[where.start]), 1e-9)
+            joint = slice(None) if effect.joint is None else effect.joint
+            scale[joint] *= max(1 + float(x[where.start]), 1e-9)
     return scale
 
 

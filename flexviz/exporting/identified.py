@@ -34,6 +34,7 @@ VERDICTS = {
     "missing": "an effect is missing from this model",
     "nothing-missing": "nothing is missing from this model",
     "unknown": "something is missing from this model that no known effect explains",
+    "not-searched": "not diagnosed: the search was stopped before it tried anything",
 }
 MOTOR_SIDE = ("motor_inertia", "motor_viscous_friction")
 VECTORS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")

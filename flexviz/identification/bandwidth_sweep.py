@@ -15,6 +15,7 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.errors import InputError
 from flexviz.identification.pipeline import identify
+from flexviz.identification.result import Identification
 from flexviz.identification.settings import FitOptions, fit_settings
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
@@ -81,12 +82,11 @@ def sweep(
         except InputError as error:
             refused = error
             continue
-        held_out = result.residual.rms_validation
         rows.append(
             (
                 float(w),
-                result.residual.rms,
-                np.full(n, np.nan) if held_out is None else held_out,
+                _rms(result, result.groups, n),
+                _rms(result, result.validation_groups, n),
                 result.model.stiffness,
                 result.model.motor_inertia,
             )
@@ -100,3 +100,9 @@ def sweep(
     judged = fit if np.isnan(validation).any() else validation
     best = float(tried[int(np.argmin((judged / judged.min(axis=0)).mean(axis=1)))])
     return SweepResult(observer, tried, fit, validation, stiffness, inertia, best)
+
+
+def _rms(result: Identification, groups: Sequence[str], n: int) -> Array:
+    """Rms residual of groups with the observer that is tried, shape (n,) [Nm]; NaN without any."""
+    found = [result.residuals[name].residual for name in groups if name in result.residuals]
+    return np.sqrt(np.mean(np.concatenate(found) ** 2, axis=0)) if found else np.full(n, np.nan)

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.estimation import Stopped, base_parameters, residual_noise
+from flexviz.estimation import Stopped, base_parameters, residual_noise, torque_scale
 from flexviz.identification.estimator import Estimator
 from flexviz.identification.failure import (
     Unrest,
@@ -29,12 +29,13 @@ from flexviz.identification.messages import holds_text, left_out_text
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.plots import remember
 from flexviz.identification.result import Identification, ResidualSeries
-from flexviz.identification.reversals import rms_between_reversals
 from flexviz.identification.settings import FitOptions, FitSettings, fit_settings
+from flexviz.identification.stated_error import stated_residual
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
 from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, silent_joints
 from flexviz.model import FlexibleModel
+from flexviz.motion import Phases
 from flexviz.noise import check_signals, segments_noise
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.records import ResidualSummary
@@ -132,6 +133,7 @@ class _Outcome:
         unrest: what keeps the fit from converging.
         given: the values were not fitted.
         explained: noise explains what the refinement leaves.
+        first_phase: shape (n,), first phase of each joint's motion that counts; None: all do.
     """
 
     x: Array
@@ -144,6 +146,7 @@ class _Outcome:
     unrest: Unrest | None = None
     given: bool = False
     explained: bool = False
+    first_phase: Phases | None = None
 
 
 def _plain_outcome(plain: PlainFit) -> _Outcome:
@@ -174,7 +177,7 @@ def _estimated_outcome(
     return replace(
         outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=found.stated,
         message=found.message, converged=True, refined=True, unrest=None,
-        explained=found.at_noise or not found.refined,
+        explained=found.at_noise or not found.refined, first_phase=found.first_phase,
     )  # fmt: skip
 
 
@@ -192,18 +195,18 @@ def _result(
     jacobian = outcome.evaluation.jacobian * plain.solution.weights[:, :, None]
     left_out, held_out = plain.equation.signals.left_out, _held_out_equation(measurements, plain)
     validation = () if held_out is None else held_out.signals.groups
-    summary, series = _residuals(measurements, held_out, plain, outcome)
+    found = _residuals(measurements, held_out, plain, outcome)
     samples = plain.equation.signals.count * layout.n
     estimates = parameter_estimates(
         layout, x, start, cov, at_bound, prior, unbound=known.unbound, samples=samples
     )
     lagging = not outcome.refined and not plain.observer.zero_phase
-    if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(summary)):
+    if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(found.own)):
         outcome = replace(outcome, converged=False, unrest=unrest)
     message = outcome.message
     if not outcome.converged and not report.stopped and outcome.unrest is not None:
-        message += f"; {why_not(outcome.unrest, layout, estimates, summary)}"
-    if lagging and far_above_noise(summary).any():
+        message += f"; {why_not(outcome.unrest, layout, estimates, found.own)}"
+    if lagging and far_above_noise(found.own).any():
         # the intervals do not include the error of a lagging observer
         estimates = tuple(
             replace(p, identifiable="weak") if p.identifiable == "yes" else p for p in estimates
@@ -223,13 +226,13 @@ def _result(
         seconds=0.0,
         parameters=estimates,
         combinations=combinations(base, layout, x, cov.matrix, prior),
-        residual=summary,
+        residual=found.stated,
         model=layout.model(x),
         condition_number=condition_number(jacobian.reshape(-1, layout.size), layout, base, at_bound),
         covariance=cov.matrix,
         chance=known.chance.matrix,
         parameter_names=report.names,
-        residuals=series,
+        residuals=found.series,
         message=message,
         link_side=link_side_checks(
             measurements,
@@ -254,32 +257,55 @@ def _held_out_equation(measurements: MeasurementSet, plain: PlainFit) -> Equatio
     return Equation(measurements.robot, signals, plain.equation.layout)
 
 
+@dataclass(frozen=True, eq=False)
+class _Residuals:
+    """Residuals of a fit.
+
+    Attributes:
+        stated: the errors that are told, in the band of all errors, whatever the observer.
+        own: with the fit's own observer, by which the fit itself is judged.
+        series: over time, with the fit's own observer.
+    """
+
+    stated: ResidualSummary
+    own: ResidualSummary
+    series: dict[str, ResidualSeries]
+
+
 def _residuals(
     measurements: MeasurementSet, held_out: Equation | None, plain: PlainFit, outcome: _Outcome
-) -> tuple[ResidualSummary, dict[str, ResidualSeries]]:
+) -> _Residuals:
     """Of the fitted and the validation groups."""
     equation, evaluation, layout = plain.equation, outcome.evaluation, plain.equation.layout
     noise = segments_noise([b.segment for b in equation.signals.blocks])
-    floor = np.sqrt(residual_noise(equation.signals, layout, outcome.x, evaluation.link, noise))
-    series = _series(equation, evaluation)
+    scale = torque_scale(layout, outcome.x)
+    variance = residual_noise(equation.signals, layout, outcome.x, evaluation.link, noise)
+    floor = np.sqrt(variance) / scale
+    series = _series(equation, evaluation, scale, floor)
     rms_validation = None
     if held_out is not None:
         result = held_out.evaluate(outcome.x)
-        series |= _series(held_out, result)
-        rms_validation = _rms(held_out, result)
-    rms = _rms(equation, evaluation)
-    floors, spread = tuple(map(float, floor)), measurements.torque_spread
-    point = equation.at(outcome.x, plain.solution.point)
-    between = rms_between_reversals(equation, evaluation, point, outcome.x, floor)
-    return ResidualSummary(layout.joints, rms, rms_validation, floors, spread, between), series
+        series |= _series(held_out, result, scale, floor)
+        rms_validation = _rms(held_out, result, scale)
+    rms, spread = _rms(equation, evaluation, scale), measurements.torque_spread
+    own = ResidualSummary(layout.joints, rms, rms_validation, tuple(map(float, floor)), spread)
+    fitted = tuple(group.name for group in equation.signals.groups)
+    try:
+        stated = stated_residual(measurements, layout, outcome.x, fitted, outcome.first_phase)
+    except InputError:  # records too short for the band of all errors
+        stated = own
+    return _Residuals(stated, own, series)
 
 
-def _rms(equation: Equation, evaluation: Evaluation) -> tuple[float, ...]:
-    return tuple(map(float, np.sqrt(equation.signals.mean_square(evaluation.residual))))
+def _rms(equation: Equation, evaluation: Evaluation, scale: Array) -> tuple[float, ...]:
+    return tuple(map(float, np.sqrt(equation.signals.mean_square(evaluation.residual)) / scale))
 
 
-def _series(equation: Equation, evaluation: Evaluation) -> dict[str, ResidualSeries]:
-    out = {}
+def _series(
+    equation: Equation, evaluation: Evaluation, scale: Array, floor: Array
+) -> dict[str, ResidualSeries]:
+    """Residuals over time in units of the recorded torque; `scale` and `floor`, shape (n,)."""
+    out, residual = {}, evaluation.residual / scale
     signals = equation.signals
     for index, group in enumerate(signals.groups):
         parts = [b.rows for b in signals.blocks if b.group == index]
@@ -287,6 +313,6 @@ def _series(equation: Equation, evaluation: Evaluation) -> dict[str, ResidualSer
             continue
         rows = np.concatenate([np.arange(p.start, p.stop) for p in parts])
         out[group.name] = ResidualSeries(
-            signals.time[rows], evaluation.residual[rows], evaluation.torque[0][rows], evaluation.q[0][rows]
+            signals.time[rows], residual[rows], evaluation.torque[0][rows], evaluation.q[0][rows], floor
         )
     return out

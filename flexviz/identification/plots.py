@@ -60,7 +60,7 @@ class IdentificationPlots:
         lines = [("residual", COLOURS.residual, series.residual[:, joint])]
         chart = time_chart("residual", title, "Nm", series.time, lines, height=HEIGHT)
         factor = 1e3 if chart.y.unit == "mNm" else 1e6 if chart.y.unit == "µNm" else 1.0
-        half = np.full(len(chart.series[0].x), factor * NORMAL_95 * summary.noise_floor[joint])
+        half = np.full(len(chart.series[0].x), factor * NORMAL_95 * self.result.noise_in(group)[joint])
         band = (Ribbon("95 % of noise", COLOURS.reference, chart.series[0].x, -half, half),)
         return replace(chart, y=ChartAxis("residual", chart.y.unit), ribbons=band if half.any() else ())
 

@@ -23,6 +23,7 @@ from flexviz.results import (
     shared_fields,
     torque_side,
 )
+from flexviz.wording import stated_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +32,18 @@ class ResidualSeries:
 
     Attributes:
         time: shape (N,) [s].
-        residual: shape (N, n), r [Nm].
+        residual: shape (N, n), r [Nm], in units of the recorded torque.
         torque: shape (N, n), transmission torque s seen from the motor [Nm].
         q: shape (N, n), identified link side [rad].
+        noise: shape (n,), rms that measurement noise alone leaves with the fit's observer [Nm]; None in older
+            sessions.
     """
 
     time: Floats
     residual: Floats
     torque: Floats
     q: Floats
+    noise: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -54,12 +58,12 @@ class Identification(FitFields):
         seconds: wall time.
         parameters: estimates.
         combinations: base parameters.
-        residual: summary per joint.
+        residual: summary per joint, in the band of all errors.
         model: the identified model.
         covariance: shape (P, P), of the entries that `parameter_names` lists.
         chance: the same without what the model lacks; None in older sessions.
         parameter_names: "izz:joint1".
-        residuals: group name → residual over time.
+        residuals: group name → residual over time, with the fit's own observer.
         gains: of the extended-state observer, if set by hand, at its (first joint's) bandwidth.
     """
 
@@ -96,6 +100,11 @@ class Identification(FitFields):
         gains = self.gains and GainsEntry(self.gains.theta, self.gains.tau)
         return ObserverEntry(self.observer_name, width, gains)
 
+    def noise_in(self, group: str) -> tuple[float, ...]:
+        """Rms that measurement noise alone leaves in a residual over time, per joint [Nm]."""
+        found = self.residuals[group].noise if group in self.residuals else None
+        return self.residual.noise_floor if found is None else tuple(map(float, found))
+
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter by name and joint (or payload, or group): `result["stiffness", "joint1"]`.
 
@@ -106,9 +115,9 @@ class Identification(FitFields):
 
     def __repr__(self) -> str:
         state = "stopped" if self.stopped else "converged" if self.converged else "not converged"
-        rms = ", ".join(f"{value:.3g}" for value in self.residual.rms)
+        error = stated_errors(self.residual, self.residual.torque_spread).whole()
         return (
-            f"<Identification of {self.set_name}: {state}, {len(self.parameters)} parameters, rms {rms} Nm>"
+            f"<Identification of {self.set_name}: {state}, {len(self.parameters)} parameters, error {error}>"
         )
 
     def summary(self, width: int = 140) -> str:

@@ -22,7 +22,7 @@ from flexviz.arrays import Array, Indices
 from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, neighbour
 from flexviz.equation import Chain, Equation, Layout, Signals, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.estimation import WIDE_HERTZ, noise_density, noise_paths
+from flexviz.estimation import LONGEST_EDGE, WIDE_HERTZ, noise_density, noise_paths
 from flexviz.fields import Floats
 from flexviz.fourier import fast_length
 from flexviz.laws.bins import Means, binned, path_length, tukey
@@ -39,7 +39,6 @@ PRIOR = 0.3  # of the joint's torque or deflection: how far a bin may lie from t
 CLEAR = 0.05  # of the law's size: noise of a bin above which there are fewer bins
 ROBUST_STEPS, HUBER, MEDIAN = 5, 2.0, 0.6745  # MEDIAN: of |x| relative to the standard deviation
 SAMPLE_STEP = 1 / (8 * WIDE_HERTZ)  # [s] of the residual
-LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
 MODEL_ERROR = 5e-4  # of a joint's torque spread at 50 samples a second, added to the noise
 ERROR_STEP = 0.02  # [s] of those samples
 HIGHEST_HERTZ = 8.0  # of the residual: above, products of filtered signals err more than the sensors

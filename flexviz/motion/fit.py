@@ -26,6 +26,7 @@ from flexviz.equation import (
     layout_of,
 )
 from flexviz.estimation import (
+    LONGEST_EDGE,
     Covariance,
     Descent,
     FittedModel,
@@ -41,7 +42,7 @@ from flexviz.estimation import (
 )
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.motion.robust import robust_weights
-from flexviz.motion.samples import LONGEST_EDGE, Phase, Phases, phases
+from flexviz.motion.samples import Phase, Phases, phases
 from flexviz.motion.start import firm_start
 from flexviz.motion.thresholds import MOTION
 from flexviz.noise import segments_noise

@@ -12,8 +12,6 @@ from flexviz.motion.thresholds import MOTION
 
 Phases = NDArray[np.int8]
 
-LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
-
 
 class Phase(IntEnum):
     """Of a joint's motion. Where standstill is left out, a joint has the number of the first that counts."""

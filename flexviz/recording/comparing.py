@@ -24,7 +24,7 @@ from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
 from flexviz.records import ObserverEntry
-from flexviz.wording import as_markdown, markdown_table, number, total_rms
+from flexviz.wording import JointErrors, as_markdown, markdown_table, number, total_rms
 
 SCALARS = "Scalars:scalars"
 FRAMES = ("Transform3D:child_frame", "Transform3D:parent_frame", "CoordinateFrame:frame")
@@ -106,8 +106,8 @@ def _facts(recording: Recording) -> dict[str, str]:
         "effects": ", ".join(result.get("effects", ())) or "none",
         "observer": "–" if entry is None else f"{entry.name} {entry.tuning}",
         "fitted": ", ".join(result.get("groups", ())) or "–",
-        "rms fit [Nm]": number(_rms(recording, "rms"), 4),
-        "rms validation [Nm]": number(_rms(recording, "rms_validation"), 4),
+        "error, fitted groups": _told(recording, "rms"),
+        "error, held-out groups": _told(recording, "rms_validation"),
         "verdict": recording.diagnoses[-1]["verdict"] if recording.diagnoses else "–",
     }
 
@@ -116,6 +116,13 @@ def _rms(recording: Recording, name: str) -> float:
     """Error of the newest result over all joints [Nm]; NaN if unknown."""
     values = recording.result.get("residual", {}).get(name)
     return math.nan if values is None else total_rms(values)
+
+
+def _told(recording: Recording, name: str) -> str:
+    """The same in per cent of the torque and in Nm."""
+    residual = recording.result.get("residual", {})
+    rms = residual.get(name)
+    return "–" if rms is None else JointErrors(rms, residual.get("torque_spread", ())).whole()
 
 
 def _float(value: float | None) -> float:

@@ -14,13 +14,12 @@ from flexviz.recording.optimiser import Solve
 from flexviz.results import markdown
 from flexviz.scene import RobotMotion
 from flexviz.wording import (
+    JointErrors,
     as_markdown,
     effect_text_name,
     markdown_table,
-    number,
     share_text,
     span_text,
-    total_rms,
     verdict_text,
 )
 
@@ -48,16 +47,20 @@ def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses:
             str(solve.number),
             as_markdown(solve.label or "the set's own model"),
             f"{result.observer_name}, {result.observer_entry.tuning}",
-            number(total_rms(result.residual.rms), 4),
-            number(total_rms(held_out), 4) if (held_out := result.residual.rms_validation) else "–",
+            _told(result.residual.rms, result),
+            _told(result.residual.rms_validation, result),
         ]
         for solve in solves
         if (result := solve.result) is not None
     ]
     if not rows:
         return "\n".join([*lines, "Nothing is identified yet."])
-    header = ["", "model", "observer", "rms fit [Nm]", "rms validation [Nm]"]
+    header = ["", "model", "observer", "error, fitted groups", "error, held-out groups"]
     return "\n".join([*lines, *markdown_table(header, rows)])
+
+
+def _told(rms: Sequence[float] | None, result: Identification) -> str:
+    return JointErrors(rms, result.residual.torque_spread).whole() if rms else "–"
 
 
 def result_text(result: Identification, count: int, label: str) -> str:

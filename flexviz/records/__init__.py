@@ -11,7 +11,7 @@ from flexviz.records.entries import (
     TorqueEntry,
 )
 from flexviz.records.findings import Absorbed, CandidateEffect, Family, FoundEffect, Tie
-from flexviz.records.notes import Grade, Note, NoteKind, Verdict
+from flexviz.records.notes import DetectionLimit, Grade, LimitReason, Note, NoteKind, Verdict
 from flexviz.records.parameters import Combination, EffectEntry, EffectParameter, ParameterEstimate
 from flexviz.records.trace import Decoys, Move
 
@@ -21,6 +21,7 @@ __all__ = [
     "Combination",
     "CurveTable",
     "Decoys",
+    "DetectionLimit",
     "EffectEntry",
     "EffectParameter",
     "Family",
@@ -29,6 +30,7 @@ __all__ = [
     "GainsEntry",
     "Grade",
     "GroupError",
+    "LimitReason",
     "ModelEntry",
     "Move",
     "Note",

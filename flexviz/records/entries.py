@@ -47,9 +47,9 @@ class ResidualSummary:
 
     Attributes:
         joints: their names.
-        rms: over the samples of the fitted groups.
+        rms: over the fitted groups, in the band of all errors and in units of the recorded torque.
         rms_validation: over the validation groups; None without any.
-        noise_floor: rms due to measurement noise alone.
+        noise_floor: rms due to measurement noise alone: of the recording, the same for all models of a set.
         torque_spread: standard deviation of the recorded torque over all groups; empty if unknown.
         rms_between_reversals: rms over the samples of the fitted groups that no reversal and no crossing of a
             gap disturbs; empty if the model has no effect whose torque is unknown there.
@@ -102,9 +102,10 @@ class StepEntry:
 
     Attributes:
         added: what it has more than the one before; None for the initial model.
-        rms, rms_validation, noise_floor: its errors [Nm], one per joint, as in `PredictionErrors`.
+        rms, rms_validation: its errors [Nm], one per joint, as in `PredictionErrors`.
+        noise_floor: the rms that noise alone leaves [Nm], one per joint: the same for all models.
         groups: the same errors by group.
-        verdict: "missing", "nothing-missing" or "unknown".
+        verdict: on it.
     """
 
     added: FoundEffect | None = None

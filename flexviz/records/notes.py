@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-Verdict = Literal["missing", "nothing-missing", "unknown"]
+from pydantic import Field
+from pydantic.dataclasses import dataclass as record
+
+from flexviz.fields import RECORD, Number
+
+Verdict = Literal["missing", "nothing-missing", "unknown", "not-searched"]
+"""On a model; "not-searched": the diagnosis was stopped before it tried anything."""
+LimitReason = Literal["noise", "filter", "resolution", "tolerance"]
 Grade = Literal["yes", "weak", "no"]
 NoteKind = Literal[
     "model-error",
@@ -41,3 +48,17 @@ class Note:
 
     kind: NoteKind
     text: str
+
+
+@record(frozen=True, config=RECORD)
+class DetectionLimit:
+    """Down to what "nothing is missing" holds: a smaller effect would not have been seen.
+
+    Attributes:
+        share: of the spread of the recorded torque; of several joints the largest.
+        because: what hides smaller ones: the sensors' "noise", a "filter" that the recording has passed, the
+            "resolution" of the sensors, or the "tolerance" of the model's own equations.
+    """
+
+    share: Annotated[Number, Field(ge=0.0)]
+    because: LimitReason

@@ -75,7 +75,7 @@ def faces(
 
 
 def _scale_bar(end: float, unit: str, steps: int = 24) -> Sequence[str]:
-    """The colours from the noise floor to the largest error."""
+    """The colours from no error to the largest one."""
     width, height = SIZE
     left, cell = width / 2 - 70, 140 / steps
     bars = [
@@ -83,6 +83,6 @@ def _scale_bar(end: float, unit: str, steps: int = 24) -> Sequence[str]:
         f'fill="{css(cividis(k / (steps - 1)))}"/>'
         for k in range(steps)
     ]
-    ends = (left - 6, "end", "noise floor"), (left + 146, "start", f"{number(end, 3)} {unit}")
+    ends = (left - 6, "end", "0"), (left + 146, "start", f"{number(end, 3)} {unit}")
     words = [f'<text x="{x:g}" y="{height - 9}" text-anchor="{a}">{escape(t)}</text>' for x, a, t in ends]
     return [*bars, *words]

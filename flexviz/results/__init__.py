@@ -2,7 +2,7 @@
 
 from flexviz.results.assessment import assessment, at_bounds, hints, lacks_effects, torque_side
 from flexviz.results.bandwidth import BandwidthCheck, GuardEntry, ParameterCurve
-from flexviz.results.charts import evidence_chart, noise_floor, staircase_chart
+from flexviz.results.charts import evidence_chart, staircase_chart
 from flexviz.results.document import (
     ResultDocument,
     curve_entries,
@@ -40,7 +40,6 @@ __all__ = [
     "json_schema",
     "lacks_effects",
     "markdown",
-    "noise_floor",
     "note_entries",
     "parameter_frame",
     "parts",

@@ -8,10 +8,20 @@ from collections.abc import Iterable, Sequence
 from flexviz.measurements import TorqueSide
 from flexviz.records import ParameterEstimate, ResidualSummary
 from flexviz.results.fields import ResultFields
-from flexviz.wording import listed, noise_text, normalised, number, percent, plain_name, plural
+from flexviz.wording import (
+    INERTIAL,
+    JointErrors,
+    listed,
+    noise_text,
+    normalised,
+    number,
+    percent,
+    plain_name,
+    plural,
+)
 
 GOOD_SHARE = 0.1  # error or noise of a joint up to which it is good, relative to the spread of its torque
-FAR_FROM_NOISE = 3.0  # times the noise, from which the model lacks something ...
+FAR_FROM_NOISE = 3.0  # of an error to the noise, from which the model lacks something ...
 LEAST_SHARE = 0.01  # ... if the error is also this share of the torque
 WORSE_HELD_OUT = 1.5  # times the error on the fitted groups
 NO_MOTOR = 0.8  # share of the joints whose motor inertia ends at its lower bound: τ is not the motor's
@@ -44,8 +54,21 @@ def assessment(result: ResultFields) -> str:
     """What is good, what is weak, what to do and to record next; empty without residuals."""
     if result.residual is None:
         return ""
-    sentences = [*_errors(result.residual), *_grades(result), *_advice(result, result.residual)]
+    told = _errors(result.residual) if something_determined(result) else [_nothing(result.residual)]
+    sentences = [*told, *_grades(result), *_advice(result, result.residual)]
     return " ".join(sentences)
+
+
+def something_determined(result: ResultFields) -> bool:
+    """Whether the data determine any value of the model; without one, its error says nothing of them."""
+    own = (p for p in result.all_parameters if p.name not in INERTIAL and not p.at_bound)
+    return any(one.identifiable != "no" for one in (*own, *result.base_parameters))
+
+
+def _nothing(residual: ResidualSummary) -> str:
+    shares = [one for one in _shares(residual, residual.rms_validation or residual.rms) if math.isfinite(one)]
+    error = f", although the error is at most {percent(max(shares))} of the torque" if shares else ""
+    return f"Nothing is determined{error}: these data leave every value of the model open."
 
 
 def _errors(residual: ResidualSummary) -> list[str]:
@@ -119,12 +142,12 @@ def lacks_effects(result: ResultFields) -> str:
     Samples that a reversal disturbs do not count: the torque of friction and backlash is unknown there.
     """
     residual = result.residual
-    far = [] if residual is None else _far(residual, residual.rms_between_reversals or residual.rms)
+    far = "" if residual is None else _far(residual, residual.rms_between_reversals or residual.rms)
     if not far:
         return ""
     return (
-        f"The error is up to {max(far):.0f} times the noise: the model lacks effects, and stiffness, "
-        "inertia and friction stand in for them. Next: diagnose with --apply."
+        f"{far}: the model lacks effects, and stiffness, inertia and friction stand in for them. Next: "
+        "diagnose with --apply."
     )
 
 
@@ -134,19 +157,20 @@ def only_reversals(result: ResultFields) -> str:
     if residual is None or not (far := _far(residual, residual.rms)) or lacks_effects(result):
         return ""
     return (
-        f"The error is up to {max(far):.0f} times the noise, but only around reversals and crossings of a "
-        "gap, where the torque of friction and backlash is unknown."
+        f"{far}, but only around reversals and crossings of a gap, where the torque of friction and backlash "
+        "is unknown."
     )
 
 
-def _far(residual: ResidualSummary, rms: Sequence[float]) -> list[float]:
-    """Errors in multiples of the noise, of the joints whose error is not that of the sensors."""
-    rows = zip(rms, residual.noise_floor, _shares(residual, rms), strict=True)
-    return [
-        error / noise
-        for error, noise, share in rows
-        if error > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE
-    ]
+def _far(residual: ResidualSummary, rms: Sequence[float]) -> str:
+    """The largest error that is not that of the sensors, beside the noise; empty without one."""
+    errors = JointErrors(rms, residual.torque_spread, residual.noise_floor)
+    for j in errors.order:
+        noise, share = residual.noise_floor[j], errors.shares[j] / 100
+        if errors.mark is not None and rms[j] > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE:
+            joint = residual.joints[j]
+            return f"The error of {joint} is {errors.whole(j)}, far above the noise of {errors.mark.short(j)}"
+    return ""
 
 
 def hints(parameters: Iterable[ParameterEstimate]) -> list[str]:

@@ -17,7 +17,8 @@ HELD_OUT = "validation"
 MAX_GROUPS = 10  # drawn
 NOT_PHYSICS = "hatched: not physics"
 HATCH_POINTS = 26  # of the zigzag in a hatched step
-ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
+ERROR_FLOOR = 1e-6  # smallest value drawn on a logarithmic axis
+NOISE = "noise"  # its mark: one for all models
 EVIDENCE = "evidence"
 
 
@@ -31,13 +32,14 @@ def staircase_chart(
 ) -> Chart:
     """The error after each added effect, of one joint or over all (None); `ticks` name the steps.
 
-    In the unit of `wording.JointErrors`; `spread` of the torque, shape (n,) [Nm]. Steps that add a free curve
-    are hatched: `hatched`, by default those whose step says so.
+    In the unit of `wording.JointErrors`; `spread` of the torque, shape (n,) [Nm]. The noise of the recording
+    is one line for all models. Steps that add a free curve are hatched: `hatched`, by default those whose
+    step says so.
     """
     if hatched is None:
         hatched = [k for k, step in enumerate(steps) if step.added is not None and step.added.stopgap]
-    floors = [noise_floor(step, spread) for step in steps]
-    x, unit = np.arange(float(len(steps))), floors[-1].unit
+    x, last = np.arange(float(len(steps))), wording.stated_errors(steps[-1], spread)
+    unit = last.unit
     errors = step_errors(steps, joint, spread)
     bright = COLOURS.series[:6]
     series = [
@@ -53,11 +55,9 @@ def staircase_chart(
         )
         for k, (group, (values, held_out)) in enumerate(errors.items())
     ]
-    if all(step.noise_floor for step in steps):
-        low = [floor.of(joint) for floor in floors]
-        if np.isfinite(low).all():
-            floor = np.maximum(low, ERROR_FLOOR)
-            series.append(ChartSeries("noise floor", COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
+    if last.mark is not None and np.isfinite(low := last.mark.of(joint)) and low > 0:
+        floor = np.full(len(steps), max(low, ERROR_FLOOR))
+        series.append(ChartSeries(NOISE, COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
     if hatched:
         series = hatch(series, hatched)
     fell = (
@@ -101,8 +101,8 @@ def step_errors(
     Of one joint or over all (None), in the unit of `wording.JointErrors`.
     """
 
-    def value(step: StepEntry, row: Sequence[float]) -> float:
-        return wording.JointErrors(row, step.noise_floor, spread).of(joint)
+    def value(row: Sequence[float]) -> float:
+        return wording.JointErrors(row, spread).of(joint)
 
     if all(step.groups for step in steps):
         names = [(one.name, one.validation) for one in steps[-1].groups]
@@ -110,18 +110,12 @@ def step_errors(
         for name, held_out in names[:MAX_GROUPS]:
             rows = [next((one.rms for one in step.groups if one.name == name), None) for step in steps]
             if all(row is not None for row in rows):
-                pairs = zip(steps, rows, strict=True)
-                found[name] = [value(step, row) for step, row in pairs if row is not None], held_out
+                found[name] = [value(row) for row in rows if row is not None], held_out
         return found
-    found = {"fit": ([value(step, step.rms) for step in steps], False)}
+    found = {"fit": ([value(step.rms) for step in steps], False)}
     if all(step.rms_validation is not None for step in steps):
-        found[HELD_OUT] = [value(step, step.rms_validation or ()) for step in steps], True
+        found[HELD_OUT] = [value(step.rms_validation or ()) for step in steps], True
     return found
-
-
-def noise_floor(step: wording.ErrorsLike, spread: Sequence[float]) -> wording.JointErrors:
-    """The noise floor as an error."""
-    return wording.JointErrors(step.noise_floor or step.rms, step.noise_floor, spread)
 
 
 def evidence_chart(finding: Any, group: str = "", height: int = 190) -> Chart:

@@ -179,7 +179,7 @@ def steps_parts(
 
     def error(step: StepEntry) -> wording.JointErrors:
         rms = step.rms_validation if held_out and step.rms_validation else step.rms
-        return wording.JointErrors(rms, step.noise_floor, spread)
+        return wording.JointErrors(rms, spread, step.noise_floor)
 
     def cells(values: Sequence[float]) -> list[str]:
         return [wording.number(value, 2 if narrow else 3) for value in values]
@@ -200,13 +200,14 @@ def steps_parts(
     if spread:
         texts = [wording.explained(share / 100).strip("> %") for share in error(last).shares]
         model = "last" if len(result.steps) > 1 else "present"
-        if unit != wording.PERCENT:
-            label = "error %" if narrow else f"error of the {model} model [{wording.PERCENT}]"
-            rows.append([label, *cells(error(last).shares)])
         rows.append(["explained" if narrow else f"torque explained by the {model} model [%]", *texts])
         rows.append(["error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last).rms)])
-    if last.noise_floor:
-        rows.append(["noise Nm" if narrow else "noise floor [Nm]", *cells(last.noise_floor)])
+    noise = error(last).mark
+    if noise is not None:
+        if spread:
+            of_all = [wording.number(noise.mean, 2)] if mean and not narrow else []
+            rows.append(["noise %" if narrow else f"noise [{unit}]", *cells(noise.values), *of_all])
+        rows.append(["noise Nm" if narrow else "noise [Nm]", *cells(noise.rms)])
     if not narrow:
         return [steps_table(rows, models, ("verdict",))]
     if sum(max(map(len, cells)) + 2 for cells in zip_longest(*rows, fillvalue="")) > width:

@@ -15,6 +15,7 @@ from flexviz.records import (
     Combination,
     CurveTable,
     Decoys,
+    DetectionLimit,
     EffectEntry,
     EffectParameter,
     FreeCurve,
@@ -78,6 +79,7 @@ class DiagnosisFields(EveryResult):
         free_curve: curve of an unexplained residual, as a stopgap; None if nothing is unexplained.
         trace: the moves that the search tried, in order.
         decoys: candidates that cannot be right; None if none were tried.
+        limit: down to what a last verdict of "nothing-missing" holds; None if unknown.
     """
 
     where: tuple[ResidualLocation, ...] = ()
@@ -85,6 +87,7 @@ class DiagnosisFields(EveryResult):
     free_curve: FreeCurve | None = None
     trace: tuple[Move, ...] = ()
     decoys: Annotated[Decoys | None, Field(exclude_if=is_none)] = None
+    limit: Annotated[DetectionLimit | None, Field(exclude_if=is_none)] = None
 
 
 class ResultFields(BaseModel, FitFields, DiagnosisFields, frozen=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -17,12 +17,13 @@ from flexviz.results.fields import ResultFields
 from flexviz.results.link_side import LinkSide
 from flexviz.results.tables import fold, in_ascii, interval, plain_table
 from flexviz.wording import (
+    PERCENT,
+    JointErrors,
     as_markdown,
     effect_title,
     escape,
     estimate_cells,
     markdown_table,
-    normalised,
     number,
     told,
 )
@@ -84,7 +85,7 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
     out += [part for curve in result.curves for part in curve_parts(curve)]
     out.append(combination_table(result.base_parameters))
     if result.residual is not None:
-        out.append(residual_table(result.residual))
+        out += residual_parts(result.residual)
     return [*out, *run_lines(result), *filter(None, [assessment(result)])]
 
 
@@ -168,16 +169,19 @@ def combination_table(combinations: Iterable[Combination]) -> Table:
     return table
 
 
-def residual_table(residual: ResidualSummary) -> Table:
-    """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
-    table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
-    fold(table, 0)
-    columns = [residual.rms, residual.rms_validation, residual.noise_floor]
+def residual_parts(residual: ResidualSummary) -> tuple[str, Table]:
+    """Rms error per joint on the fitted and the held-out groups, and the noise: of the torque, and in Nm."""
+    rows = {"fit": residual.rms, "held out": residual.rms_validation, "noise": residual.noise_floor}
+    rows = {name: row for name, row in rows.items() if row is not None}
+    columns: dict[str, Sequence[float]] = {}
     if residual.torque_spread:
-        which = "validation" if residual.rms_validation else "fit"
-        table.add_column(f"{which} [% of the torque]", justify="right", no_wrap=True)
-        shares = normalised(residual.rms_validation or residual.rms, residual.torque_spread)
-        columns.append([100 * share for share in shares])
+        columns = {
+            f"{name} [%]": JointErrors(row, residual.torque_spread).shares for name, row in rows.items()
+        }
+    columns |= {f"{name} [Nm]": row for name, row in rows.items()}
+    table = plain_table("joint", numbers=tuple(columns))
+    fold(table, 0)
     for index, joint in enumerate(residual.joints):
-        table.add_row(joint, *(number(None if column is None else column[index]) for column in columns))
-    return table
+        table.add_row(joint, *(number(column[index]) for column in columns.values()))
+    measure = f"in {PERCENT} (its standard deviation) and in Nm" if residual.torque_spread else "in Nm"
+    return f"error: rms residual {measure}", table

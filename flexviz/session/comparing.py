@@ -24,8 +24,8 @@ Key = tuple[str, str | None, str | None, str | None]  # parameter; its joint, pa
 class SessionSummary:
     """Final results of one session.
 
-    Parameters and errors come from the same result in all sessions if possible. For the errors diagnoses are
-    preferred: they all use the same band, whereas the errors of an identification depend on its observer.
+    Parameters and errors come from the same result in all sessions if possible. Errors are in the same band,
+    whatever the observer.
     """
 
     name: str  # of the folder
@@ -42,6 +42,7 @@ class SessionSummary:
     rms: tuple[float, ...]  # one per joint [Nm], as the next two; empty if unknown
     rms_validation: tuple[float, ...]
     noise_floor: tuple[float, ...]
+    torque_spread: tuple[float, ...]  # of the recorded torque; the errors are told in per cent of it
     parameters: dict[Key, ParameterEstimate]
 
 
@@ -163,6 +164,7 @@ def summary(opened: OpenedSession, found: dict[Source, Any], every: set[Source])
         rms=measured.rms if measured else (),
         rms_validation=measured.rms_validation or () if measured else (),
         noise_floor=measured.noise_floor if measured else (),
+        torque_spread=measurements.torque_spread,
         parameters={(p.name, p.joint, p.payload, p.group): p for p in fitted.parameters} if fitted else {},
     )
 

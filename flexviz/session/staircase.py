@@ -12,7 +12,7 @@ from flexviz.wording import finding_key, found_shares, text_runs, tied_families
 
 OF_THE_FINAL_MODEL: dict[str, Any] = {
     "maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": (),
-    "trace": (), "decoys": None,
+    "trace": (), "decoys": None, "limit": None,
 }  # fmt: skip
 
 

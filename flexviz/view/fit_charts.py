@@ -95,10 +95,10 @@ def convergence_charts(
         held = np.resize(held, count)
         held[0] = ends[0].mean
         lines = [ChartSeries("error", COLOURS.residual, x, held, 2.6, steps=True)]
-        noise = JointErrors(ends[-1].floor, ends[-1].floor, ends[-1].spread)
-        if noise.floor:
+        noise = ends[-1].mark
+        if noise is not None and noise.mean > 0:
             low, look = np.full(count, noise.mean), (1.6, DASHES[2])
-            lines.append(ChartSeries("noise floor", COLOURS.reference, x, low, *look, steps=True))
+            lines.append(ChartSeries("noise", COLOURS.reference, x, low, *look, steps=True))
         error = replace(
             cost,
             key="error",

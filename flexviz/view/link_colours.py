@@ -12,10 +12,10 @@ from flexviz.charts import COLOURS, cividis, css, gradient
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.scene import RobotMotion
-from flexviz.wording import TIMES, JointErrors, escape, number, short_names, stated_errors
+from flexviz.wording import JointErrors, escape, number, short_names, stated_errors
 
 Errors = PredictionErrors | DiagnosisStep
-LEAST_END = 5.0  # times the noise floor: errors below are never drawn bright
+LEAST_END = 5.0  # times the noise: errors below are never drawn bright
 NOT_DETERMINED = "hatched: the data do not determine this joint's stiffness, so its deflection is not drawn"
 
 
@@ -28,9 +28,8 @@ class LinkColours:
 
     @property
     def colours(self) -> list[tuple[int, int, int]]:
-        """cividis: dark at the noise floor, bright at the end; grey if unknown."""
-        unit, end = self.errors.unit, _beyond(self.end, self.errors.unit)
-        return [cividis(_beyond(value, unit) / end) for value in self.errors.values]
+        """cividis: dark at no error, bright at the end; grey if unknown."""
+        return [cividis(value / self.end) for value in self.errors.values]
 
 
 def link_colours(
@@ -42,13 +41,8 @@ def link_colours(
     shown = stated_errors(errors, spread)
     every = [shown, *(stated_errors(one, spread) for one in earlier)]
     ends = [value for one in every if one.unit == shown.unit for value in one.values if math.isfinite(value)]
-    least = LEAST_END if shown.unit == TIMES else 0.0
-    return LinkColours(shown, max(*ends, least, 0.0) or 1.0)
-
-
-def _beyond(value: float, unit: str) -> float:
-    """What an error has more than the noise floor, which is 1 in its multiples."""
-    return math.sqrt(max(value**2 - 1.0, 0.0)) if unit == TIMES and math.isfinite(value) else value
+    noise = [] if shown.mark is None else [LEAST_END * one for one in shown.mark.values if math.isfinite(one)]
+    return LinkColours(shown, max([*ends, *noise], default=0.0) or 1.0)
 
 
 def legend_html(
@@ -64,10 +58,9 @@ def legend_html(
     if found is None:
         rows.append('<span class="fv-dim">Links are coloured by their error after Run.</span>')
     else:
-        first = "1" if found.errors.unit == TIMES else "0"
         tip = f"rms below {BAND_HERTZ:g} Hz, of the validation groups if there are any: as in the status line"
         rows.append(
-            f'<span class="fv-tip" title="{tip}">Link: error [{found.errors.unit}]</span> {first} '
+            f'<span class="fv-tip" title="{tip}">Link: error [{found.errors.unit}]</span> 0 '
             f'<span class="fv-map" style="background:{gradient()}"></span> {number(found.end, 3)}'
         )
     if arcs:
@@ -125,7 +118,7 @@ def joints_html(
             texts.append(f"error {found.errors.whole(index)}")
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
         rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
-    unit = "error" if found is None else f"error [{found.errors.unit.removesuffix(' floor')}]"
+    unit = "error" if found is None else f"error [{found.errors.unit.removesuffix(' of the torque')}]"
     head = f"<th>joint</th><th>{unit}</th><th>τ [Nm]</th><th>θ − q [mrad]</th>"
     table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'
     return f'<div class="fv">{table}</div>'

@@ -108,7 +108,7 @@ def time_residual(
     """One joint's residual over time [s] in a group, with the noise ribbon."""
     if fits.present is None:
         return no_chart("time", EMPTY)
-    floor = fits.present.residual.noise_floor[joint]
+    floor = fits.present.noise_in(group)[joint]
     chart = residual_chart(fits, joint, group, f"Residual of {name} against time, {group}", span, floor)
     if chart is None:
         return no_chart("time", left_out(group))

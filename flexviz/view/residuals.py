@@ -146,7 +146,7 @@ def map_chart(one: ResidualMap, key: str = "") -> Chart:
 
 
 def spectrum_chart(one: ResidualMap) -> Chart:
-    """Spectra of residual and noise floor."""
+    """Spectra of residual and noise."""
     if one.mean.shape[1] < 2:
         return no_chart("spectrum")
     looks = ((COLOURS.residual, ()), (COLOURS.reference, DASHED))
@@ -202,8 +202,8 @@ class ResidualSamples:
         if not rows:
             return None
         columns = [np.concatenate(pieces) for pieces in zip(*rows, strict=True)]
-        floors = np.asarray(result.residual.noise_floor, dtype=float)
-        floor = float(floors[joint]) if joint < len(floors) else float("nan")
+        noise = result.noise_in(names[0])
+        floor = float(noise[joint]) if joint < len(noise) else float("nan")
         variables = dict(zip(VARIABLES, columns[:-1], strict=True))
         return cls(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
 
@@ -263,7 +263,7 @@ def groups_html(
         return ""
     cells = []
     for group in errors.groups[:MAX_GROUPS]:
-        one = JointErrors(group.rms, errors.noise_floor, spread)
+        one = JointErrors(group.rms, spread, errors.noise_floor)
         tip = f'class="fv-joint fv-tip" title="{one.hover(joint)}"'
         cells.append(f"<span {tip}>{escape(group.name)} <b>{number(one.of(joint), 3)}</b></span>")
     unit = stated_errors(errors, spread).unit

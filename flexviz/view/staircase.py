@@ -13,17 +13,17 @@ from flexviz.charts import Chart, no_chart
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.effects import free_curve
 from flexviz.records import ParameterEstimate
-from flexviz.results import noise_floor, staircase_chart
+from flexviz.results import staircase_chart
 from flexviz.session import Analysis, ModelStep
 
 NO_STEPS = (
-    "The error of every group after each added effect appears here, with the noise floor: "
+    "The error of every group after each added effect appears here, with the noise of the recording: "
     "press Find the missing effect (step 4, Diagnose), then Add and refit."
 )
 COMPARED_IN = f"Error: rms residual below {BAND_HERTZ:g} Hz, the same measure for every model and observer"
 KEY = (
     '<div class="fv-stair-key"><span class="fit"></span> fit <span class="held"></span> validation '
-    "┊ noise floor</div>"
+    "┊ noise</div>"
 )
 RISE = 1.01  # times the error before, from which a row is said to rise
 
@@ -65,7 +65,7 @@ def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[
 def model_name(
     model_steps: Sequence[ModelStep], joints: Sequence[str], index: int, spread: Sequence[float] = ()
 ) -> str:
-    """ "model 1 (1.02 ×)": its number in the staircase, and its error over all joints, held out if known."""
+    """ "model 1 (1.02 %)": its number in the staircase, and its error over all joints, held out if known."""
     ends = [last for _, _, last in model_runs(model_steps, joints)]
     found = next((count for count, last in enumerate(ends) if last >= index), index)
     return name_with_error(f"model {found}", model_steps[index].step, spread)
@@ -126,10 +126,10 @@ def staircase_html(
     table.add_runs([run for run in runs if run.after >= placed])
     rows = table.rows
     last_step = next((run.errors for run in runs if run.shown), judged[len(model_steps) - 1])
-    if last_step.noise_floor:
-        floor = _error_cell(noise_floor(last_step, spread))
-        rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
     stated = wording.stated_errors(last_step, spread)
+    if stated.mark is not None:
+        floor = _error_cell(stated.mark)
+        rows.append(f"<tr><td>noise</td>{floor}{floor}</tr>")
     left = f"Largest: {wording.left_text(joints, stated)}. " if spread else ""
     return (
         f'<div class="fv"><table class="fv-table"><tr><th>Error [{stated.unit}]</th><th>fit</th>'
@@ -177,12 +177,13 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
 def _judged(step: Step | PredictionErrors, spread: Sequence[float]) -> list[wording.JointErrors]:
     """Errors of the fitted and of the validation groups, as far as they are known."""
     rows = (row for row in (step.rms, step.rms_validation) if row)
-    return [wording.JointErrors(row, step.noise_floor, spread) for row in rows]
+    return [wording.JointErrors(row, spread, step.noise_floor) for row in rows]
 
 
 def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, hatched: bool) -> str:
-    """Bars from zero: fit above held out; the dotted line is the noise floor; of a free curve hatched."""
-    floor = noise_floor(step, spread).mean if step.noise_floor else math.nan
+    """Bars from zero: fit above held out; the dotted line is the noise; of a free curve hatched."""
+    mark = wording.stated_errors(step, spread).mark
+    floor = math.nan if mark is None else mark.mean
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
     bars = "".join(
         f'<span class="{kind}" style="width:{100 * one.mean / top:.2f}%"></span>'

@@ -12,7 +12,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis, standing
 from flexviz.view.link_colours import LEAST_END
-from flexviz.wording import TIMES, escape, number, quantity, stated_errors
+from flexviz.wording import escape, number, quantity, stated_errors
 
 OF_EARLIER = "of an earlier model"
 
@@ -86,7 +86,7 @@ def status_html(step: str, message: str, error: str, tone: str = "", hover: str 
 
 def _unbroken(text: str) -> str:
     """Numbers stay on one line with their units."""
-    return re.sub(r"\(?\d[\d.]* (?:s|m?Nm|%|×(?: noise floor)?)(?!\w)\)?", r"<span>\g<0></span>", text)
+    return re.sub(r"\(?\d[\d.]* (?:s|m?Nm|%)(?!\w)\)?", r"<span>\g<0></span>", text)
 
 
 def counted(text: str, name: str) -> str:
@@ -106,7 +106,7 @@ def wrong_html(
         return ""
     found = stated_errors(errors, spread)
     worst = found.order[0]
-    if found.unit == TIMES and found.values[worst] < LEAST_END:
+    if found.noise and found.rms[worst] < LEAST_END * found.noise[worst]:
         return ""
     share = found.shares[worst]
     error = f"{number(share, 2)} %" if math.isfinite(share) else quantity(found.rms[worst], "Nm")

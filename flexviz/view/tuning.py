@@ -116,7 +116,7 @@ def trade_chart(costs: Mapping[float, Cost], joint: int, name: str, present: flo
         ChartAxis(unit="Nm", logarithmic=True, limits=decades(least / 10.0, least * 1e3)),
         (
             ChartSeries("residual", COLOURS.residual, w, np.maximum(rms, 1e-12), 2.0),
-            ChartSeries("noise floor", COLOURS.reference, w, np.maximum(floor, 1e-12), 1.6, DASHED),
+            ChartSeries("noise", COLOURS.reference, w, np.maximum(floor, 1e-12), 1.6, DASHED),
         ),
         marker=present,
         marked="present",

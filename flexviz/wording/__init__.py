@@ -12,7 +12,7 @@ from flexviz.wording.effects import (
 from flexviz.wording.errors import (
     PERCENT,
     SAID_AS_SHARES,
-    TIMES,
+    TORQUE,
     JointErrors,
     explained,
     left_text,
@@ -97,4 +97,4 @@ from flexviz.wording.records import ErrorsLike
 from flexviz.wording.shares import finding_key, found_shares, step_shares
 from flexviz.wording.stages import STAGE_SHARES, SearchStage
 from flexviz.wording.trace import TRACE_TITLE, decoys_text, told_moves
-from flexviz.wording.verdicts import MOST_NAMED, location, span_text, verdict_text, what_stays
+from flexviz.wording.verdicts import MOST_NAMED, limit_text, location, span_text, verdict_text, what_stays

@@ -1,10 +1,9 @@
-"""The one measure of a model's error: the rms residual of each joint in multiples of its noise floor.
+"""The one measure of a model's error: the rms residual of each joint in per cent of its torque, and in Nm.
 
-The noise floor is the rms that the sensors' noise alone would leave: a joint is well described at 1, and
-joints of any size compare. On hover, or in brackets, the same error is told in per cent of the joint's torque
-(NRMS: rms residual ÷ standard deviation of the recorded torque over all groups; 1 − NRMS² is the share of the
-torque that is explained) and in Nm. Without a known noise floor the measure is per cent, without a known
-torque Nm. Of all joints the mean is told, in Nm the root mean square.
+Per cent are of the spread of the recorded torque: its standard deviation over all groups, which no model
+changes (NRMS: rms residual ÷ that spread; 1 − NRMS² is the share of the torque that is explained). Joints of
+any size compare. The rms that the sensors' noise alone would leave is a mark on the same axis, never a unit.
+Without a known torque the measure is Nm. Of all joints the mean is told, in Nm the root mean square.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from functools import cached_property
 from flexviz.wording.numbers import listed, number, quantity
 from flexviz.wording.records import ErrorsLike
 
-TIMES, PERCENT, TORQUE = "× noise floor", "% of the torque", "Nm"  # units of the measure
+PERCENT, TORQUE = "% of the torque", "Nm"  # units of the measure
 SAID_AS_SHARES = ("explained", "unexplained")
 """Kinds of notes that the joints' shares of the torque replace."""
 MAX_LEFT = 3  # joints named by `left_text`
@@ -50,31 +49,29 @@ class JointErrors:
 
     Attributes:
         rms: shape (n,) [Nm].
-        floor: shape (n,), the rms that noise alone would leave [Nm]; empty: unknown.
         spread: shape (n,), standard deviation of the joints' torque [Nm]; empty: unknown.
+        noise: shape (n,), the rms that the sensors' noise alone would leave [Nm]; empty: unknown.
     """
 
     rms: Sequence[float]
-    floor: Sequence[float] = ()
     spread: Sequence[float] = ()
+    noise: Sequence[float] = ()
 
     @cached_property
     def unit(self) -> str:
-        """TIMES; PERCENT or TORQUE where less is known."""
-        if len(self.floor) == len(self.rms) and all(floor > 0 for floor in self.floor):
-            return TIMES
+        """PERCENT; TORQUE where the spread of the torque is not known."""
         return PERCENT if len(self.spread) == len(self.rms) else TORQUE
 
     @cached_property
     def values(self) -> list[float]:
-        """The error of each joint in `unit`; NaN where it has none, or no torque."""
-        if self.unit == TIMES:
-            times, known = normalised(self.rms, self.floor), len(self.spread) == len(self.rms)
-            return [
-                math.nan if known and not self.spread[j] and not self.rms[j] else value
-                for j, value in enumerate(times)
-            ]
+        """The error of each joint in `unit`; NaN where it has no torque."""
         return self.shares if self.unit == PERCENT else list(self.rms)
+
+    @cached_property
+    def mark(self) -> JointErrors | None:
+        """The noise as an error of the same kind; None if it is unknown."""
+        known = len(self.noise) == len(self.rms) and all(math.isfinite(one) for one in self.noise)
+        return JointErrors(self.noise, self.spread) if known else None
 
     @cached_property
     def shares(self) -> list[float]:
@@ -100,33 +97,43 @@ class JointErrors:
         return sorted(range(len(size)), key=lambda j: -size[j])
 
     def text(self, joint: int | None = None) -> str:
-        """ "9.03 × noise floor", of a joint or of all."""
+        """ "7.51 % of the torque", of a joint or of all."""
         value, unit = self.of(joint), self.unit
         return quantity(value, unit) if unit == TORQUE else f"{number(value, 3)} {unit}"
 
     def short(self, joint: int | None = None) -> str:
-        """ "9.03 ×", "7.5 %"."""
-        return self.text(joint).replace(TIMES, "×").replace(PERCENT, "%")
+        """ "7.51 %"."""
+        return self.text(joint).replace(PERCENT, "%")
 
     def hover(self, joint: int | None = None) -> str:
-        """What else is known of the same error: "0.442 % of the torque, 51.3 mNm"."""
-        share = _mean(self.shares) if joint is None else self.shares[joint]
-        parts = [f"{number(share, 3)} {PERCENT}"] if self.unit != PERCENT and math.isfinite(share) else []
-        if self.unit != TORQUE:
-            parts.append(quantity(total_rms(self.rms) if joint is None else self.rms[joint], "Nm"))
-        return ", ".join(parts)
+        """What else is known of the same error: "51.3 mNm; noise: 0.442 %, 2.10 mNm"."""
+        mark = self.mark
+        parts = [self._torque(joint)] if self.unit != TORQUE else []
+        if mark is not None and mark.of(joint) > 0:
+            also = f", {mark._torque(joint)}" if self.unit != TORQUE else ""
+            parts.append(f"noise: {mark.short(joint)}{also}")
+        return "; ".join(parts)
+
+    def other(self, joint: int, unit: str) -> str:
+        """The error of a joint, not in this unit but in the other one; empty if it is not known there."""
+        share = self.shares[joint]
+        if unit == PERCENT:
+            return self._torque(joint)
+        return f"{number(share, 3)} {PERCENT}" if math.isfinite(share) else ""
 
     def whole(self, joint: int | None = None) -> str:
-        """ "9.03 × noise floor (0.442 % of the torque, 51.3 mNm)"."""
-        rest = self.hover(joint)
-        return f"{self.text(joint)} ({rest})" if rest else self.text(joint)
+        """ "7.51 % of the torque (51.3 mNm)"."""
+        return self.text(joint) if self.unit == TORQUE else f"{self.text(joint)} ({self._torque(joint)})"
+
+    def _torque(self, joint: int | None) -> str:
+        return quantity(total_rms(self.rms) if joint is None else self.rms[joint], "Nm")
 
 
 def stated_errors(of: ErrorsLike, spread: Sequence[float]) -> JointErrors:
     """Errors of the validation groups where known, else of the fitted ones: what every page states."""
     held_out = of.rms_validation
     rms = held_out if held_out and all(map(math.isfinite, held_out)) else of.rms
-    return JointErrors(rms, of.noise_floor, spread)
+    return JointErrors(rms, spread, of.noise_floor)
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -156,6 +163,6 @@ def explained(error: float) -> str:
 
 
 def left_text(joints: Sequence[str], errors: JointErrors) -> str:
-    """The worst joints first: "joint2 15.0 × noise floor (3.00 % of its torque, 0.300 Nm)"."""
+    """The worst joints first: "joint2 3.00 % of its torque (0.300 Nm)"."""
     parts = (f"{joints[j]} {errors.whole(j)}" for j in errors.order[:MAX_LEFT])
     return "; ".join(parts).replace("of the torque", "of its torque")

@@ -28,10 +28,16 @@ class Term:
 GLOSSARY = (
     Term("residual", "Measured torque minus the torque of the model.", r"[Rr]esiduals?"),
     Term(
-        "noise floor",
-        "The rms residual that the sensors' noise alone would leave. At 1 × noise floor the model explains "
-        "everything but noise.",
-        r"(?:× )?[Nn]oise floor",
+        "% of the torque",
+        "The size of an error: rms residual ÷ standard deviation of the joint's recorded torque over all "
+        "groups, which no model changes.",
+        r"% of (?:the|its) torque",
+    ),
+    Term(
+        "noise",
+        "The rms residual that the sensors' noise alone would leave, the same for all models. An error as "
+        "small as that leaves nothing to explain.",
+        r"[Nn]oise(?! gain)(?: floor)?",
     ),
     Term("rms", "Root mean square: the typical size of a signal.", r"[Rr]ms"),
     Term(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from flexviz.records import CandidateEffect, Note, ResidualLocation, StepEntry
+from flexviz.records import CandidateEffect, DetectionLimit, Note, ResidualLocation, StepEntry
 
 
 class ErrorsLike(Protocol):
@@ -34,3 +34,7 @@ class DiagnosisLike(Protocol):
     def where(self) -> Sequence[ResidualLocation]: ...
     @property
     def typed_notes(self) -> Sequence[Note]: ...
+    @property
+    def stopped(self) -> bool: ...
+    @property
+    def limit(self) -> DetectionLimit | None: ...

@@ -6,19 +6,32 @@ import math
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
-from flexviz.records import FoundEffect, ResidualLocation, StepEntry
-from flexviz.wording.errors import left_text, stated_errors
+from flexviz.records import DetectionLimit, FoundEffect, LimitReason, ResidualLocation, StepEntry
+from flexviz.wording.errors import left_text, percent, stated_errors
 from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
 from flexviz.wording.records import DiagnosisLike
 from flexviz.wording.shares import found_shares
 
-BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
+BEGINNINGS = {
+    "nothing-missing": "Nothing is missing:",
+    "missing": "Missing:",
+    "unknown": "Unknown:",
+    "not-searched": "Not searched:",
+}
 WITH_ADDED = {
     "missing": "this is still missing",
     "nothing-missing": "nothing is missing",
     "unknown": "not all of the error is explained",
+    "not-searched": "nothing was tried",
+}
+STOPPED = "The diagnosis was stopped before its end: this is the best model so far."
+HIDES: dict[LimitReason, str] = {
+    "noise": "the noise of the sensors hides what is smaller",
+    "filter": "the filter that the recording has passed hides what is smaller",
+    "resolution": "the resolution of the sensors hides what is smaller",
+    "tolerance": "the equations of the model are no more accurate",
 }
 MOST_NAMED = 4  # added effects in a verdict, those of one kind together
 MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
@@ -27,7 +40,7 @@ MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not
 def verdict_text(
     diagnosis: DiagnosisLike, added: Sequence[str] = (), *, joints: Sequence[str] = (), worst: str = ""
 ) -> str:
-    """The verdict, beginning with "Nothing is missing:", "Missing:", "Unknown:" or "Added:".
+    """The verdict, beginning with one of `BEGINNINGS`, or "Added:"; one of a stopped diagnosis says so.
 
     Args:
         diagnosis: the diagnosis.
@@ -43,28 +56,42 @@ def verdict_text(
         more = f"; {len(added) - MOST_NAMED} more" if len(added) > MOST_NAMED else ""
         named = "; ".join(added[:MOST_NAMED])
         return f"Added: {named}{more}. With {them} {now}:{rest}"
-    beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
+    if diagnosis.verdict == "not-searched":
+        return f"{BEGINNINGS[diagnosis.verdict]} the diagnosis was stopped before it tried any effect."
+    text = f"{BEGINNINGS.get(diagnosis.verdict or '', 'Unknown:')} {_found(diagnosis, joints, worst)}."
+    return f"{text} {STOPPED}" if diagnosis.stopped else text
+
+
+def _found(diagnosis: DiagnosisLike, joints: Sequence[str], worst: str) -> str:
+    """What follows the beginning of a verdict, without the full stop."""
     if diagnosis.verdict == "missing":
-        return f"{beginning} {_largest(diagnosis, joints)}."
+        return _largest(diagnosis, joints)
     if diagnosis.verdict == "nothing-missing":
         pulses = any(note.kind == "pulses" for note in diagnosis.typed_notes)
         left = "noise, but for reversals and backlash crossings," if pulses else "noise,"
-        return f"{beginning} the residual looks like {left} and no effect of the library explains any of it."
+        holds = "" if diagnosis.limit is None else f". {limit_text(diagnosis.limit)}"
+        return f"the residual looks like {left} and no effect of the library explains any of it{holds}"
     for kind in ("drowned", "changing"):
         if text := next((note.text for note in diagnosis.typed_notes if note.kind == kind), ""):
-            return f"{beginning} {text}."
+            return text
     acting = next((f"; {note.text}" for note in diagnosis.typed_notes if note.kind == "place"), "")
-    unknown = f"{beginning} no effect of the library explains the structured residual"
+    nothing = "no effect tried so far" if diagnosis.stopped else "no effect of the library"
+    unknown = f"{nothing} explains the structured residual"
     places = [p for p in diagnosis.where if not acting or p.joint == diagnosis.where[0].joint]
     clearest = location(places)
     place = clearest if acting else location(diagnosis.where, worst)
     if place is None or clearest is None:
-        return f"{unknown}{acting}."
+        return f"{unknown}{acting}"
     share, along = share_text(clearest.explained), ALONG.get(clearest.variable, clearest.variable)
     follows = f", where {share} of it follows {along}"
     if place.joint != clearest.joint:
         follows = f"; of the residual of {clearest.joint}, {share} follows {along}"
-    return f"{unknown}, mostly on {place.joint}{follows}{acting}."
+    return f"{unknown}, mostly on {place.joint}{follows}{acting}"
+
+
+def limit_text(limit: DetectionLimit) -> str:
+    """ "This holds down to 0.020 % of the torque: the noise of the sensors hides what is smaller"."""
+    return f"This holds down to {percent(limit.share)} of the torque: {HIDES[limit.because]}"
 
 
 def _largest(diagnosis: DiagnosisLike, joints: Sequence[str]) -> str:

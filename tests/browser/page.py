@@ -340,6 +340,6 @@ def status(page: Any) -> str:
 
 
 def error(page: Any) -> float:
-    """The error in the status line [× noise floor]; NaN while it says none."""
-    found = re.search(r"(?:validation|fit) error ([\d.]+) × noise floor", status(page))
+    """The error in the status line [% of the torque]; NaN while it says none."""
+    found = re.search(r"(?:validation|fit) error ([\d.]+) % of the torque", status(page))
     return float(found[1]) if found else float("nan")

@@ -315,7 +315,7 @@ def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path:
     # the name of the joint under the pointer, with its torque and deflection
     hover, text = (
         page.locator(".fv-hover:not(.fv-told)"),
-        r"joint\d, torque .* Nm, deflection .* mrad, .*error .* × noise floor \(.* %",
+        r"joint\d, torque .* Nm, deflection .* mrad, .*error .* % of the torque \(.* m?Nm\)",
     )
 
     def named() -> bool:

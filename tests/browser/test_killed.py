@@ -16,7 +16,7 @@ pytestmark = pytest.mark.browser
 
 
 def error(page: Any) -> str:
-    found = re.search(r"validation error [\d.]+ × noise floor, most on \w+: [\d.]+ ×", status(page))
+    found = re.search(r"validation error [\d.]+ % of the torque, most on \w+: [\d.]+ %", status(page))
     return found[0] if found else ""
 
 

@@ -75,9 +75,9 @@ def command_line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLi
         process.kill()
 
 
-def mean_times(step: dict[str, Any], name: str = "rms_validation") -> float:
-    """The mean of the joints' errors in multiples of their noise floor."""
-    return float(np.mean(np.divide(step[name], step["noise_floor"])))
+def mean_share(step: dict[str, Any], spread: list[float], name: str = "rms_validation") -> float:
+    """The mean of the joints' errors in per cent of their torque."""
+    return 100 * float(np.mean(np.divide(step[name], spread)))
 
 
 def test_the_missing_effect_is_found_added_saved_and_reopened(
@@ -116,8 +116,9 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     until(lambda: not button(page, "Stop").is_enabled() and error(page) < before, what="the new error")
     after = error(page)
     document = command_line.result("diagnosis")
+    spread = document["torque"]["spread"]
     for said, step in zip((before, after), document["steps"], strict=True):
-        assert said == pytest.approx(mean_times(step), rel=0.01)
+        assert said == pytest.approx(mean_share(step, spread), rel=0.01)
     assert after < before / 40
     assert document["verdict"] == "missing" and document["candidates"][0]["joint"] == "joint2"
     assert float(value[1]) == pytest.approx(
@@ -131,8 +132,8 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     )
     for text, step in zip(rows, document["steps"], strict=True):
         fit, held_out = (float(x) for x in re.findall(r"\t([\d.]+)", text))
-        assert fit == pytest.approx(mean_times(step, "rms"), rel=0.01)
-        assert held_out == pytest.approx(mean_times(step), rel=0.01)
+        assert fit == pytest.approx(mean_share(step, spread, "rms"), rel=0.01)
+        assert held_out == pytest.approx(mean_share(step, spread), rel=0.01)
     assert error(page) == held_out  # of the last row
     assert "the same measure for every model" in page.inner_text("body")
     model_steps = until(lambda: chart(page, "Error after each added effect, all joints"), what="staircase")
@@ -199,9 +200,12 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     until(lambda: "converged after" in status(page), what="a result")
     expected = command_line.result("tuned")
     # the error does not depend on the observer: it is nearly the one that the diagnosis states
-    steps = command_line.result("diagnosis")["steps"]
+    told = command_line.result("diagnosis")
+    steps = told["steps"]
     said = until(lambda: np.isfinite(error(page)) and error(page), what="the error")
-    assert said == pytest.approx(mean_times(steps[0]), rel=0.05)  # beside a weak CAD prior
+    assert said == pytest.approx(
+        mean_share(steps[0], told["torque"]["spread"]), rel=0.05
+    )  # beside a weak CAD prior
     for known in expected["parameters"]:
         if known["name"] in ("stiffness", "motor_inertia"):
             name = "K" if known["name"] == "stiffness" else "B"

@@ -95,12 +95,15 @@ def test_everything_is_readable_on_every_step(
 
 
 def terms_open_under_pointer_and_keys(page: Any, shot: Any) -> None:
-    tip, term = page.locator("#fv-told"), page.locator(".fv-status .fv-first").filter(has_text="noise floor")
+    tip, term = (
+        page.locator("#fv-told"),
+        page.locator(".fv-status .fv-first").filter(has_text="% of the torque"),
+    )
     until(lambda: term.count() == 1, SOON, "the term")
     assert not tip.is_visible()
     term.hover()
     until(tip.is_visible, SOON, "its explanation")
-    assert tip.inner_text().startswith("The rms residual that the sensors' noise alone would leave")
+    assert tip.inner_text().startswith("The size of an error: the rms residual of a joint in per cent")
     box, width = tip.bounding_box(), page.viewport_size["width"]
     assert box["x"] >= 0 and box["x"] + box["width"] <= width
     shot(page, "texts-term")

@@ -112,7 +112,7 @@ class LiveResidual:
         head = (
             f'<div class="fv fv-tuned"><b>Residual with this observer</b>{tried} '
             f'<span class="fv-dim">in group {escape(store.group.name)}, {span}; parameters kept. Below each '
-            "joint: rms residual / noise floor. × least: rms against the best tuning tried.</span></div>"
+            "joint: rms residual / noise. × least: rms against the best tuning tried.</span></div>"
         )
         self._found = found
         self._show(head, self._cards())

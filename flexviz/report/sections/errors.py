@@ -43,9 +43,9 @@ def staircase(content: ReportContent) -> Section | None:
         "How the error fell" if many else "The error",
         *_top(content, steps),
         explanation(
-            "Rms of the torque residual in multiples of the noise floor, which the sensors' noise alone "
-            "would leave, in one frequency band for all models; of all joints: the mean. Held-out groups are "
-            "never fitted. Model "
+            "Rms of the torque residual in per cent of the spread of the recorded torque, in one frequency "
+            "band for all models; of all joints: the mean. The noise is what the sensors alone would leave, "
+            "the same for all models. Held-out groups are never fitted. Model "
             f"0 is the model of the set{first}{adds}."
         ),
         _groups(content, steps),
@@ -71,13 +71,13 @@ def _chart(content: ReportContent, steps: Sequence[Step]) -> Chart:
 def _groups(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
     shown = columns(len(steps))
 
-    def mean(k: int, rms: Sequence[float]) -> str:
-        return number(JointErrors(rms, steps[k].noise_floor, content.spread).mean, 3)
+    def mean(rms: Sequence[float]) -> str:
+        return number(JointErrors(rms, content.spread).mean, 3)
 
     rows = []
     for name, used, found in _of_groups(steps):
-        rows.append([name, used, *("–" if (row := found[k]) is None else mean(k, row) for k in shown)])
-    rows = rows or [["all", "fit", *(mean(k, steps[k].rms) for k in shown)]]
+        rows.append([name, used, *("–" if (row := found[k]) is None else mean(row) for k in shown)])
+    rows = rows or [["all", "fit", *(mean(steps[k].rms) for k in shown)]]
     head = ("group", "used to", *(f"model {k}" for k in shown))
     unit = stated_errors(steps[-1], content.spread).unit
     caption = f"Rms residual of each group, mean of all joints [{unit}]"
@@ -104,22 +104,20 @@ def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
     held_out = all(step.rms_validation for step in steps)
     shown = columns(len(steps))
     rms = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
-    floors = (step.noise_floor for step in steps)
-    errors = [JointErrors(one, floor, content.spread) for one, floor in zip(rms, floors, strict=True)]
-    last = errors[-1]
+    errors = [JointErrors(one, content.spread, steps[-1].noise_floor) for one in rms]
+    last, mark = errors[-1], errors[-1].mark
     rows = [
         [
             joint,
             *(number(errors[k].values[j], 3) for k in shown),
-            number(last.shares[j], 3),
             explained(last.shares[j] / 100),
             quantity(last.rms[j], "Nm"),
-            quantity(last.floor[j], "Nm") if last.floor else "–",
+            "–" if mark is None else mark.whole(j).replace("of the torque ", ""),
         ]
         for j, joint in enumerate(content.joints)
     ]
     models = (f"model {k}" for k in shown)
-    head = ("joint", *models, "last [% of its torque]", "torque explained", "last", "noise floor")
+    head = ("joint", *models, "torque explained", "last", "noise")
     what = "held-out groups" if held_out else "fitted groups"
     return table(head, rows, range(1, len(head)), f"Rms residual of each joint [{last.unit}], {what}")
 
@@ -169,7 +167,7 @@ def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
     last = content.steps[-1] if content.steps else None
     for j, joint in enumerate(content.joints):
         row: list[str | Cell] = [joint, "–"]
-        if last is not None and last.noise_floor:
+        if last is not None:
             row[1] = stated_errors(last, content.spread).short(j)
         for variable in view.MAP_COLUMNS:
             found = view.map_of(maps, joint, variable)
@@ -179,6 +177,6 @@ def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
             share = min(max(found.explained, 0.0), 1.0)
             row.append(Cell(f"{100 * share:.0f} %", share, view.notable(found)))
         rows.append(row)
-    head = ("joint", "residual / noise", *view.MAP_COLUMNS)
+    head = ("joint", "error", *view.MAP_COLUMNS)
     caption = "Share of each joint's residual that follows each variable; bold: clearly more than chance"
     return table(head, rows, range(1, len(head)), caption)

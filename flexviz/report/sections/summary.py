@@ -76,7 +76,7 @@ def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
 
 
 def numbers(content: ReportContent) -> list[Tile]:
-    """Error, noise floor, effects, parameters."""
+    """Error, noise, effects, parameters."""
     tiles: list[Tile] = []
     found = content.steps or content.identified
     ends = (found[0], found[-1])[-len(found) :] if found else ()
@@ -85,13 +85,13 @@ def numbers(content: ReportContent) -> list[Tile]:
     if errors:
         held_out = bool(found[-1].rms_validation)
         shown = " → ".join(one.short() for one in errors)
-        rest = " → ".join(one.hover() for one in errors)
+        rest = " → ".join(wording.quantity(wording.total_rms(one.rms), "Nm") for one in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
         tiles.append(Tile("Error", shown, f"{errors[-1].unit}, mean of the joints; {groups}; {rest}"))
     if floor:
         torque = wording.quantity(wording.total_rms(floor), "Nm")
-        note = f"rms of the joints {torque}, expected from measurement noise alone"
-        tiles.append(Tile("Noise floor", wording.percent(wording.mean_nrms(floor, content.spread)), note))
+        note = f"rms of the joints {torque}, of the sensors alone: the same for all models"
+        tiles.append(Tile("Noise", wording.percent(wording.mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
     beside = f"in addition to {wording.plural(own, 'effect')} of the set" if own else ""
     effects = [text for text in content.analysis.effects if free_curve(text) is None]

@@ -29,7 +29,7 @@ def torque(content: ReportContent) -> Section | None:
     if steps:
         errors = [stated_errors(step, content.spread) for step in steps]
         notes = [
-            f"Error {' → '.join([*(one.short(j) for one in errors[:-1]), errors[-1].text(j)])}."
+            f"Error {' → '.join([*(one.short(j) for one in errors[:-1]), errors[-1].whole(j)])}."
             for j in range(len(content.joints))
         ]
     held_out = content.measurements.group(group).validation
