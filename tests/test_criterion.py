@@ -209,7 +209,7 @@ def layouts(joints: tuple[str, ...]) -> list[Layout]:
 )
 def test_j_adds_up_for_fitted_models(hidden: tuple[str, ...], tmp_path: Path) -> None:
     """200 random triples of models of two sets, and whatever is fitted, n_j stay those of the recording."""
-    measurements = planar_set(tmp_path / "set", hidden, 5, groups=HELD_OUT)
+    measurements = planar_set(tmp_path / "set", [hidden], 5, groups=HELD_OUT)
     own = Layout(measurements.joints)
     view = Coarse(MotionContext(measurements, own.joints, stand_ins=True), own, lambda _: None)
     criterion, samples = view.criterion, view.criterion.samples.copy()
