@@ -204,10 +204,8 @@ def layouts(joints: tuple[str, ...]) -> list[Layout]:
     return [Layout(joints, tuple(ChosenEffect(name, int(joint)) for name, joint in some)) for some in split]
 
 
-@pytest.mark.parametrize(
-    "hidden", [("coulomb_friction:joint1:coulomb=1",), ("torque_offset:joint1:offset=1",)]
-)
-def test_j_adds_up_for_fitted_models(hidden: tuple[str, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize("hidden", ["coulomb_friction:joint1:coulomb=1", "torque_offset:joint1:offset=1"])
+def test_j_adds_up_for_fitted_models(hidden: str, tmp_path: Path) -> None:
     """200 random triples of models of two sets, and whatever is fitted, n_j stay those of the recording."""
     measurements = planar_set(tmp_path / "set", [hidden], 5, groups=HELD_OUT)
     own = Layout(measurements.joints)
