@@ -87,7 +87,7 @@ def test_identification_recovers_it(moves: MeasurementSet) -> None:
 def test_it_is_found_with_all_samples(moves: MeasurementSet, without: MeasurementSet) -> None:
     for measurements, hidden in ((moves, True), (without, False)):
         view = view_of(measurements)
-        found = Search(view).run(view.rich(), inner=True)
+        found = Search(view).run(view.begin())
         assert (STARTUP in view.parts(found)) == hidden and COULOMB in view.parts(found)
         assert ChosenEffect("startup_friction", 1) not in view.parts(found)
         if hidden:

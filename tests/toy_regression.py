@@ -82,7 +82,8 @@ class Regression:
     def left(self, columns: Iterable[int | str]) -> tuple[list[Residuals], Array]:
         """What least squares on the fitted rows leave, and the coefficients."""
         matrix, _ = self.matrix(columns)
-        found = np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)[0]
+        solved = np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)
+        found = np.asarray(solved[0], np.float64)
         left = (self.y - matrix @ found)[:, None]
         return [residuals_of(rows, block=BLOCK) for rows in (left[:FITTED], left[FITTED:])], found
 
