@@ -14,20 +14,18 @@ from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.criterion import (
     Criterion,
     Gain,
-    Residuals,
     Score,
     confidence,
     correlation_times,
     criterion_of,
     gain,
-    huber,
 )
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
+from flexviz.motion import MotionContext, Residuals, huber
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.toy_regression import autoregressive, residuals_of
 

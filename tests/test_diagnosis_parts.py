@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flexviz.diagnosis.motion_fit import MotionContext
 
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.candidates import credible, excess, with_effects
@@ -27,6 +26,7 @@ from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whiten
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.model import FlexibleModel
+from flexviz.motion import MotionContext
 from flexviz.observers import FlatZeroPhase
 from tests.cases import slow
 from tests.covariances import dense_covariance

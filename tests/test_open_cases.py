@@ -16,12 +16,12 @@ from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.elimination import needs
-from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.motion import MotionContext
 from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.test_elimination_arm import HIDDEN, arm_with

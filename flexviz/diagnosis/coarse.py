@@ -92,7 +92,7 @@ class Coarse(Resolution[MotionFit]):
         return Model(fit, self.criterion.score(self.residuals(fit), cost, scale, self.cut_off(fit)))
 
     def cut_off(self, fit: MotionFit) -> tuple[Array, Array] | None:
-        """Shares of samples whose recorded torque exceeds a limit of the model, and its deviation, (n,) each."""
+        """Shares of samples whose torque exceeds a limit of the model, and its deviation, (n,) each."""
         share, torque = np.zeros(self.own.n), np.abs(self.context.signals.tau[0])
         for effect, where in fit.layout.effect_slices():
             if EFFECTS[effect.effect].limits_torque and (limit := fit.x[where.start]) > 0:
