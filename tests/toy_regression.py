@@ -82,7 +82,7 @@ class Regression:
     def left(self, columns: Iterable[int | str]) -> tuple[list[Residuals], Array]:
         """What least squares on the fitted rows leave, and the coefficients."""
         matrix, _ = self.matrix(columns)
-        found = np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)[0]
+        found = np.asarray(np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)[0], float)
         left = (self.y - matrix @ found)[:, None]
         return [residuals_of(rows, block=BLOCK) for rows in (left[:FITTED], left[FITTED:])], found
 

@@ -14,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from flexviz.diagnosis.motion_fit import MotionContext
 
 from benchmarks.diagnosis_study.judging import UNKNOWN
 from benchmarks.diagnosis_study.oracle import chosen, errors, with_hidden
@@ -25,6 +24,7 @@ from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.motion import MotionContext
 
 ITERATIONS = 40
 
