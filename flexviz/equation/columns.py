@@ -1,4 +1,4 @@
-"""Columns of the Jacobian ∂r/∂x, each chained from what its parameter does to s and q."""
+"""JacobianColumns of the Jacobian ∂r/∂x, each chained from what its parameter does to s and q."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place i
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
-    """Columns of the Jacobian at x (P,), before initial states are removed.
+class JacobianColumns:
+    """JacobianColumns of the Jacobian at x (P,), before initial states are removed.
 
     Attributes:
         signals, layout: observer outputs and layout of x.

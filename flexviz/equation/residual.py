@@ -18,7 +18,7 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LoadedEffect, Terms
 from flexviz.equation.chain import Chain
-from flexviz.equation.columns import Columns, PlacedTerms
+from flexviz.equation.columns import JacobianColumns, PlacedTerms
 from flexviz.equation.context import EffectContext
 from flexviz.equation.initial_state import InitialStates, initial_states
 from flexviz.equation.layout import Layout
@@ -268,7 +268,7 @@ class OperatingPoint:
         np.negative(regressor, out=regressor)
         residual = _without(terms, residual)
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
-        columns = Columns(self.signals, lay, self.context, x, terms, chain)
+        columns = JacobianColumns(self.signals, lay, self.context, x, terms, chain)
         columns.fill(jacobian, s, q)
         if moving:
             columns.add_load_chain(jacobian)
