@@ -30,10 +30,10 @@ WALKS = {  # picture -> (where, what comes out of it), stop by stop
         ("measurements.read_set", "MeasurementSet"),
         ("equation.build_signals", "Signals"),
         ("equation.Equation.at", "OperatingPoint"),
-        ("Coarse.rich", "Model with Likelihood"),
+        ("Coarse.begin", "Model with Score"),
         ("Search on Coarse", "coarse model, trace"),
         ("Search on Fine", "final model"),
-        ("findings", "Stair, Finding"),
+        ("Estimator, findings", "Stair, Finding"),
         ("_Diagnosis.described", "Diagnosis, verdict"),
     ),
     "walk-slider": (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 
 STEPS = 3  # times the number of unknowns: steps before it gives up
 
@@ -45,7 +45,7 @@ def nonnegative_least_squares(a: Array, b: Array) -> tuple[Array, float]:
     return x, float(np.linalg.norm(left))
 
 
-def _of_free(a: Array, b: Array, free: Array) -> Array:
+def _of_free(a: Array, b: Array, free: Bools) -> Array:
     out = np.zeros(len(free))
     out[free] = np.linalg.lstsq(a[:, free], b)[0]
     return out

@@ -230,10 +230,9 @@ def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path, number: s
         text=True,
     )
     assert process.stderr is not None
-    first = process.stderr.readline()
+    first = next(line for line in process.stderr if "iteration" in line)  # after the checks of the set
     process.send_signal(number)
     out, err = process.communicate(timeout=120)
-    assert "iteration" in first, first + err
     assert process.returncode == 130, first + err
     assert "stopping" in err and "Traceback" not in err
     result = IdentifyContract.model_validate(json.loads(file.read_text()))

@@ -19,6 +19,7 @@ from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.importing import import_logs, inspect_logs
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.motion import MOTION
 from flexviz.noise import white_noise
 
 pytestmark = pytest.mark.usefixtures("no_delay")
@@ -126,7 +127,7 @@ def test_given_faults(name: str, tmp_path: Path) -> None:
     import_logs(mapping, tmp_path / "set", mend=True)
     found = identify(read_set(tmp_path / "set"))
     assert found.converged
-    assert max(np.array(found.residual.rms) / found.residual.torque_spread) < 2e-3
+    assert max(np.array(found.residual.rms) / found.residual.torque_spread) < MOTION.tolerance
 
 
 def test_two_publishers_are_refused_where_they_are_imported_all_the_same(tmp_path: Path) -> None:

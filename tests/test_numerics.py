@@ -6,8 +6,10 @@ import sys
 import numpy as np
 import pytest
 from scipy.fft import next_fast_len
+from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 
+from flexviz.equation.splines import uniform_spline
 from flexviz.fourier import fast_length
 from flexviz.nonnegative import nonnegative_least_squares
 
@@ -16,6 +18,18 @@ def test_fast_length_is_that_of_scipy():
     for least in (*range(1, 5000), 2**20, 2**20 + 1, 999_983, 10**7 + 19):
         assert fast_length(least) == next_fast_len(least, real=True)
     assert fast_length(np.int64(7)) == 8
+
+
+@pytest.mark.parametrize("count", [5, 6, 7, 200])
+def test_uniform_spline_is_that_of_scipy(count):
+    rng = np.random.default_rng(count)
+    values, at = (
+        rng.standard_normal(count),
+        np.concatenate(([0.0, count - 1.0], rng.uniform(0, count - 1, 500))),
+    )
+    expected = CubicSpline(np.arange(count), values)
+    for found, wanted in zip(uniform_spline(values, at), (expected(at), expected(at, 1)), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-11)
 
 
 @pytest.mark.parametrize("kind", ["random", "positive", "dependent", "no larger than zero"])

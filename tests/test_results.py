@@ -128,9 +128,9 @@ def test_a_wrong_name_is_answered_with_a_suggestion(
 def test_the_summary_is_a_table(result: Identification) -> None:
     text = result.summary()
     row = next(
-        line for line in text.splitlines() if line.strip().startswith("stiffness") and "joint1" in line
+        line for line in text.splitlines() if line.strip().startswith("motor_inertia") and "joint1" in line
     )
-    assert "Nm/rad" in row and " weak " in row  # the set's model lacks friction
+    assert "kg m²" in row and " weak " in row  # the set's model lacks friction
     assert "held out [%]" in text and "noise [Nm]" in text and "observer butterworth-zero-phase" in text
     html = result._repr_html_()
     assert html.count("<table>") == 3 and "<td>stiffness</td>" in html

@@ -312,6 +312,10 @@ def test_what_was_tried_is_told_briefly() -> None:
     assert len(told_moves(refused, JOINTS, refused=1)) == 1
     swap = told_moves(TRACE[2:], JOINTS, {"coulomb_friction:joint2": "dry_friction"})[0]  # within the family
     assert swap.text.endswith("at the link on joint2 not put in place of Coulomb friction on joint2")
+    contact = Move(
+        "episode", ("external_contact:joint1:g2",), (), -3.14, 0.0, False, "coarse", "it is not needed"
+    )
+    assert told_moves([contact])[0].line.endswith(" not added: −3.14 nats (it is not needed)")
     odd = Move("vary", ("coulomb_friction:joint1",), (), float("nan"), 1.0, False, "fine")
     assert told_moves([odd])[0].text == "vary of Coulomb friction on joint1 not made"
     assert [decoys_text(Decoys(count, 40)) for count in (0, 1, 2)] == [

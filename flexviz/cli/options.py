@@ -178,6 +178,7 @@ def read_selected(
     path: Path, settings: FitSettings, report: Reporter, should_stop: Callable[[], bool]
 ) -> MeasurementSet:
     """Read a measurement set and check the settings against it."""
+    from flexviz.effects import choose_effects
     from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
     from flexviz.schemas import shown
@@ -195,6 +196,7 @@ def read_selected(
         raise InputError(
             f"--bandwidth has {len(bandwidth)} numbers; {where} has {len(joints)} joints: {', '.join(joints)}"
         )
+    choose_effects(settings.effects, joints, measurements.carried, tuple(groups))
     return with_plausibility_warnings(measurements, report, should_stop)
 
 

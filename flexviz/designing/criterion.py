@@ -17,7 +17,7 @@ SMALLEST_SCALE = 0.05  # of the largest value with the same name: a parameter ne
 SPECIAL_CASE = 1e-3  # share of an effect's own gain that another one with more parameters leaves of it
 
 
-class Criterion(ABC):
+class DesignCriterion(ABC):
     """A function of the total information; smaller is better.
 
     Attributes:
@@ -38,7 +38,7 @@ class Criterion(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class LeastErrors(Criterion):
+class LeastErrors(DesignCriterion):
     """Relative standard errors of some parameters: their root mean square, or their geometric mean.
 
     The geometric mean is that of the axes of the joint confidence ellipsoid.
@@ -67,7 +67,7 @@ class LeastErrors(Criterion):
 
 
 @dataclass(frozen=True, eq=False)
-class BestSeparation(Criterion):
+class BestSeparation(DesignCriterion):
     """Expected gain by which the true one of two effects beats the other one, refitted with everything.
 
     The gain is half the non-centrality: the squared norm that is left of the effect's contribution to the

@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from flexviz.arrays import Array
-from flexviz.designing.criterion import BestSeparation, Criterion, least_errors
+from flexviz.designing.criterion import BestSeparation, DesignCriterion, least_errors
 from flexviz.designing.information import Columns
 from flexviz.designing.motion import MotionSpace, Reached, shrunk
 from flexviz.designing.prediction import PredictedError, predict_errors
@@ -177,7 +177,7 @@ class _Work:
             stopped = True
         return self._result(search, columns, before, recorded, stopped)
 
-    def _criterion(self, columns: Columns, prior: Array, example: MeasurementSet) -> Criterion:
+    def _criterion(self, columns: Columns, prior: Array, example: MeasurementSet) -> DesignCriterion:
         if columns.contenders:
             first, second = (
                 np.array([columns.labels.index(label) for label in one.own], int)
@@ -241,7 +241,7 @@ class _Teller:
     """Progress of the search; raises `Cancelled` when asked to stop, unless `patient`."""
 
     total: int
-    criterion: Criterion
+    criterion: DesignCriterion
     progress: ProgressCallback
     should_stop: StopCallback
     patient: bool = True

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from flexviz.arrays import Array
-from flexviz.designing.criterion import Criterion
+from flexviz.designing.criterion import DesignCriterion
 from flexviz.designing.motion import MotionSpace, shrunk
 from flexviz.designing.subject import Planned, Subject
 from flexviz.errors import InputError
@@ -43,7 +43,7 @@ class GroupSearch:
     subject: Subject  # the robot
     space: MotionSpace  # motions to choose from
     gram: Gram  # information of groups
-    criterion: Criterion  # to be minimised
+    criterion: DesignCriterion  # to be minimised
     known: Array  # information of groups that are recorded already, (Q, Q)
     step: float  # of the predicted motions [s]
     seed: int  # of the random numbers

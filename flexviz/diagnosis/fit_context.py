@@ -30,7 +30,7 @@ from flexviz.estimation import (
     start_values,
 )
 from flexviz.measurements import MeasurementSet
-from flexviz.motion import MOTION
+from flexviz.motion import MOTION, Fitted
 
 Array = NDArray[np.float64]
 
@@ -39,16 +39,6 @@ SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1
 # at least, where links turn round by jerks: the edge of the filter is known less well than the noise
 JERKY_RIDGE = 1e-4
 STEPS = 20  # of a fit at most
-
-
-class Fitted(Protocol):
-    """A model with its parameters."""
-
-    @property
-    def layout(self) -> Layout: ...
-
-    @property
-    def x(self) -> Array: ...
 
 
 class Judged(Fitted, Protocol):

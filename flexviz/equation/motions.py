@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from flexviz._scipy import sp
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.fine_signals import FineSignals
 from flexviz.equation.layout import Layout
 from flexviz.equation.signals import Block, Signals
+from flexviz.equation.splines import uniform_spline
 from flexviz.observers import ButterworthZeroPhase
 
 Level = tuple[Array, Array]  # transmission torque and its rate in one stretch, shape (N_fine,) each
@@ -134,8 +134,10 @@ class WideMotions:
             torque, rate = (level.copy() for level in smooth)
             inside, near = self._inside(fine, block)
             known = s[block.rows, joint] - (0.0 if in_band is None else in_band)
-            between = sp.interpolate.CubicSpline(self._signals.time[block.rows], known)
-            change, slope = between(fine.time[inside]), between(fine.time[inside], 1)
+            time = self._signals.time[block.rows]
+            step = (time[-1] - time[0]) / (len(time) - 1)
+            change, slope = uniform_spline(known, (fine.time[inside] - time[0]) / step)
+            slope /= step
             if in_band is None:
                 change -= torque[inside]
                 rate[inside] = 0.0

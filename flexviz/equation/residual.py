@@ -18,24 +18,21 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, ChosenEffect, LoadedEffect, Terms
 from flexviz.equation.chain import Chain
+from flexviz.equation.columns import JacobianColumns, PlacedTerms
 from flexviz.equation.context import EffectContext
 from flexviz.equation.initial_state import InitialStates, initial_states
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
+from flexviz.equation.nearby import NearbyTerms
 from flexviz.equation.predicted_torque import predict_torques
 from flexviz.equation.signals import Signals
 from flexviz.errors import InputError
 from flexviz.robot import Robot
 
-PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place in the vector
-
 MAX_STATE_ITERATIONS = 6  # fixed-point iterations: s depends on effects that depend on s
 STATE_TOLERANCE = 1e-5  # next change of s, relative to its largest value, that is not worth computing
 STATE_CHANGE = 1e-3  # relative change of a parameter after which effects are evaluated again
-# changes up to which a Jacobian may be that of other rigid-body terms:
-NEAR_ANGLE = 0.02  # of the pose [rad]
-NEAR_MOTION = 0.1  # of velocities, accelerations and torques, relative to their largest
 
 
 @dataclass(frozen=True)
@@ -47,23 +44,6 @@ class Evaluation:
     torque: Array  # (3, N, n), s and its derivatives [Nm/s^k]
     q: Array  # (3, N, n), link side and its derivatives [rad/s^k]
     link: LinkTerms  # the rigid-body terms
-
-
-@dataclass(frozen=True, eq=False)
-class RigidTerms:
-    """Rigid-body terms of one motion of the link side.
-
-    Attributes:
-        inertial: shape (10n,), parameters of the bodies without payload.
-        q: shape (3, N, n), the motion.
-        regressor: shape (N, n, 10n), Y(q, q̇, q̈).
-        link: derivatives of Y Γ.
-    """
-
-    inertial: Array
-    q: Array
-    regressor: Array
-    link: LinkTerms
 
 
 class Equation:
@@ -87,6 +67,7 @@ class Equation:
         self.link = LinkDynamics(robot)
         require_temperatures(signals, layout)
         self._shared: dict[object, Any] = {} if shared is None else shared
+        self.rigid: NearbyTerms = self._shared.setdefault(NearbyTerms, NearbyTerms())
 
     @property
     def has_state(self) -> bool:
@@ -142,21 +123,6 @@ class Equation:
         if lay.no_torque:
             predict_torques(s, self.link, sig, lay, x, self.bodies(x))
         return s
-
-    def keep_rigid(self, inertial: Array, q: Array, regressor: Array, link: LinkTerms) -> None:
-        """Keep the rigid-body terms of a motion q (3, N, n) of bodies (10n,) for Jacobians near it."""
-        self._shared["rigid"] = RigidTerms(inertial.copy(), q.copy(), regressor.copy(), link)
-
-    def near_rigid(self, inertial: Array, q: Array) -> RigidTerms | None:
-        """The kept rigid-body terms, if pose, motion and torques are nearly the same."""
-        known: RigidTerms | None = self._shared.get("rigid")
-        if known is None or np.abs(q[0] - known.q[0]).max() > NEAR_ANGLE:
-            return None
-        largest = np.abs(known.q[1:]).max(axis=(1, 2), keepdims=True) + 1e-12
-        if np.any(np.abs(q[1:] - known.q[1:]) > NEAR_MOTION * largest):
-            return None
-        torque, moved = (known.regressor @ p for p in (known.inertial, inertial - known.inertial))
-        return None if np.any(np.std(moved, axis=0) > NEAR_MOTION * np.std(torque, axis=0) + 1e-12) else known
 
     def bodies(self, x: Array) -> list[tuple[slice, Array]]:
         """Rows and inertial parameters with payload, shape (n, 10), of each block."""
@@ -295,16 +261,17 @@ class OperatingPoint:
         if link is None:
             link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
             if near:
-                self.equation.keep_rigid(x[lay.inertial], q, regressor, link)
+                self.equation.rigid.keep(x[lay.inertial], q, regressor, link)
             for rows, parameters in blocks:
                 residual[rows] -= regressor[rows] @ parameters.ravel()
         link = self._with_torque(link, s[0])
         np.negative(regressor, out=regressor)
         residual = _without(terms, residual)
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
-        self._fill(jacobian, x, terms, chain, s, q)
+        columns = JacobianColumns(self.signals, lay, self.context, x, terms, chain)
+        columns.fill(jacobian, s, q)
         if moving:
-            self._add_load_chain(jacobian, x, terms, chain)
+            columns.add_load_chain(jacobian)
         if self._initial is None:
             values = [(effect, x[where]) for effect, where in lay.effect_slices()]
             self._initial = initial_states(self.context, self.signals, values, chain)
@@ -320,64 +287,14 @@ class OperatingPoint:
 
         Their torque is subtracted from `residual` (N, n) exactly, and `regressor` (N, n, 10n) is set.
         """
-        gravity, inertial = self._gravity(x), x[self.layout.inertial]
-        known = None if gravity is not None else self.equation.near_rigid(inertial, q)
+        inertial = x[self.layout.inertial]
+        known = None if self._gravity(x) is not None else self.equation.rigid.near(inertial, q)
         if known is None:
             return None
         regressor[:] = known.regressor
         for rows, parameters in self.equation.bodies(x):
             residual[rows] -= self.equation.link.torque(parameters, *q[:, rows])
         return known.link
-
-    def _fill(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain, s: Array, q: Array) -> None:
-        """∂r/∂x (N, n, P), but for the inertial parameters, before initial states are removed."""
-        lay = self.layout
-        for j in range(lay.n):
-            jacobian[:, :, lay.compliance.start + j] = -chain.column("deflection", (j,), s[:, :, [j]])
-            for column, fall in self._motor_columns(j):
-                jacobian[:, :, column] = chain.column("torque", (j,), fall[..., None])
-            jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
-        for j in lay.no_torque:  # its s is predicted
-            bend = -x[lay.compliance][j] * self.signals.theta[1:4, :, [j]]
-            jacobian[:, :, lay.link_viscous.start + j] = chain.column("deflection", (j,), bend)
-        for where, term in terms:
-            jacobian[:, :, where] = chain.columns(term.entry, term.joints, term.slopes)
-        for effect, (_, term) in zip(lay.effects, terms, strict=True):
-            if EFFECTS[effect.effect].relative:
-                (j,) = term.joints
-                scale, by_motor, by_link = viscous_scale(lay, x, j)
-                column = chain.column(term.entry, term.joints, term.value / scale)
-                if lay.motors:
-                    jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
-                jacobian[:, :, lay.link_viscous.start + j] += by_link * column
-
-    def _motor_columns(self, j: int) -> list[tuple[int, Array]]:
-        """Places of B and f_mv of a joint, each with what s falls by, (3, N); none without motors."""
-        lay, theta = self.layout, self.signals.theta
-        if not lay.motors:
-            return []
-        inertia, viscous = lay.motor_inertia.start + j, lay.motor_viscous.start + j
-        return [(inertia, theta[2:, :, j]), (viscous, theta[1:4, :, j])]
-
-    def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
-        """Add ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s."""
-        lay = self.layout
-        for effect, where in lay.effect_slices():
-            law, j = EFFECTS[effect.effect], effect.joint
-            if not isinstance(law, LoadedEffect) or j is None:
-                continue
-            parts = [law.torque_slope(m, x[where])[None] for m in self.context.motions(j)]
-            gain = self.context.filtered(parts, j, 3)[0]  # (3, N)
-            moves = self._motor_columns(j)
-            for at, term in terms:
-                if term.entry == "torque" and j in term.joints and at != where:
-                    slopes = term.slopes[..., term.joints.index(j)]
-                    moves += [(at.start + p, slope) for p, slope in enumerate(slopes)]
-            for column, fall in moves:  # s falls by this
-                first = gain[1] * fall[0] + gain[0] * fall[1]
-                second = gain[2] * fall[0] + 2 * gain[1] * fall[1] + gain[0] * fall[2]
-                product = np.stack((gain[0] * fall[0], first, second))[..., None]
-                jacobian[:, :, column] -= chain.column("torque", (j,), product)
 
     def _gravity(self, x: Array) -> Array | None:
         """Acceleration of gravity (3,) at x; None: that of the model."""

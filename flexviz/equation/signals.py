@@ -127,8 +127,7 @@ def build_signals(
     Raises:
         InputError: if no samples are left after the transients.
     """
-    most = longest_edge * min((float(np.ptp(s.time)) for g in groups for s in g.segments), default=0.0)
-    start, end = (min(seconds, most) for seconds in (observer.settling() if drop is None else drop))
+    start, end = _dropped(groups, observer.settling() if drop is None else drop, longest_edge)
     delay, limits, row = measurements.torque_hold / 2, measurements.seen_limits, 0
     blocks, times, thetas, taus, shares = list[Block](), [], [], [], []
     for index, group in enumerate(groups):
@@ -160,6 +159,12 @@ def build_signals(
         torque_hold=measurements.torque_hold,
         known=_known(np.concatenate(shares)),
     )
+
+
+def _dropped(groups: Sequence[Group], drop: tuple[float, float], longest: float) -> list[float]:
+    """Seconds dropped at either end: at most a share, `longest`, of the shortest segment."""
+    most = longest * min((float(np.ptp(s.time)) for g in groups for s in g.segments), default=0.0)
+    return [min(seconds, most) for seconds in drop]
 
 
 def _payloads(measurements: MeasurementSet, groups: Sequence[Group]) -> Array:

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.arrays import Array, Bools
 from flexviz.equation.link import LinkDynamics
 from flexviz.equation.signals import Signals, build_signals
 from flexviz.errors import InputError
@@ -107,7 +107,7 @@ def _rows(j: int, n: int, regressor: Array, speed: Array, acceleration: Array, t
     places = np.r_[np.arange(10 * n), own, 13 * n + j, 14 * n]
     columns = [np.tanh(speed / 0.02), speed, np.ones_like(speed), acceleration, torque]
     matrix = np.column_stack([regressor, *columns])
-    seen = matrix.any(axis=0)  # a joint moves only the bodies behind it
+    seen: Bools = np.any(matrix, axis=0)  # a joint moves only the bodies behind it
     seen[-1] = True
     r: Any = np.linalg.qr(matrix[:, seen], mode="r")
     out = np.zeros((len(r), 14 * n + 1))

@@ -108,7 +108,6 @@ class TwoBandData:
         narrow = FlatZeroPhase(2 * np.pi * min(NARROW_HERTZ, wide_hertz))
         edge = EDGE * WIDE_HERTZ / wide_hertz
         step = 1 / (SAMPLES_PER_CYCLE * wide_hertz)
-
         made = (
             build_signals(
                 measurements,

@@ -4,10 +4,11 @@ from flexviz.motion.fit import MotionContext, MotionFit
 from flexviz.motion.robust import Residuals, deviations, huber
 from flexviz.motion.samples import Phase, Phases, phases
 from flexviz.motion.thresholds import MOTION
-from flexviz.motion.usual import Known, plain_model, scale, usual_model
+from flexviz.motion.usual import Fitted, Known, plain_model, scale, usual_model
 
 __all__ = [
     "MOTION",
+    "Fitted",
     "Known",
     "MotionContext",
     "MotionFit",

@@ -8,6 +8,7 @@ priors are firm (`firm_start`), so that a quantity that the data do not show sta
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -27,6 +28,7 @@ from flexviz.equation import (
     layout_of,
     pulses,
 )
+from flexviz.errors import InputError
 from flexviz.estimation import (
     LONGEST_EDGE,
     Covariance,
@@ -214,7 +216,7 @@ class MotionContext:
 
     Attributes:
         measurements: the set.
-        parts: signals of the fit groups, `signals`, and of the validation groups if there are any.
+        parts: signals of the fit groups, `signals`, and of the validation groups if any are long enough.
         first_phase: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
         stand_ins: free curves only stand for what has no law (`firm_start`).
     """
@@ -223,8 +225,10 @@ class MotionContext:
         self, measurements: MeasurementSet, joints: tuple[str, ...], stand_ins: bool = False
     ) -> None:
         self.measurements, self.stand_ins = measurements, stand_ins
-        groups = (measurements.fit_groups, measurements.validation_groups)
-        self.parts = [self._signals(some) for some in groups if some]
+        self.parts = [self._signals(measurements.fit_groups)]
+        if measurements.validation_groups:
+            with suppress(InputError):  # too short for the band: they are not judged
+                self.parts.append(self._signals(measurements.validation_groups))
         self.signals = self.parts[0]
         self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
         self._shared = [dict[object, Any]() for _ in self.parts]

@@ -13,6 +13,7 @@ from flexviz.equation import Layout, Signals
 from flexviz.estimation import Bounds, Start, other_effects
 from flexviz.measurements import MeasurementSet
 from flexviz.motion.thresholds import MOTION
+from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ def firm_start(
     logs[layout.compliance] = MOTION.guessed_spread if guessed else MOTION.rough_spread
     spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
     if guessed:
-        softest = start.x[layout.compliance] * np.exp(MOTION.guessed_spread)
+        softest = start.x[layout.compliance] * np.exp(NORMAL_95 * MOTION.guessed_spread)
         upper[layout.compliance] = np.minimum(upper[layout.compliance], softest)
     guessed = given.initial_motor_inertia is None
     logs[layout.motor_inertia] = MOTION.guessed_spread if guessed else MOTION.rough_spread

@@ -12,9 +12,10 @@ class Move:
     """One move that the search tried.
 
     Attributes:
-        kind: "add", "drop", "swap" or "unknown" (an unknown torque).
+        kind: "add", "drop", "swap", "episode" (a contact) or "unknown" (an unknown torque).
         added, removed: effects as on the command line: "coulomb_friction:joint1".
-        delta, error: decrease of the objective and its standard error [nats].
+        delta: decrease of the objective [nats].
+        error: 0; in documents of earlier versions, the standard error of `delta` [nats].
         resolution: "coarse" or "fine".
         why: why it was not accepted, in words; "" if it was.
     """

@@ -40,7 +40,7 @@ def make_plant(
         robot.to_pin(model.motor_viscous_friction),
     )
     degrees = np.full(robot.n, ROOM_TEMPERATURE) if temperature is None else np.asarray(temperature, float)
-    path = TorquePath(*np.zeros((2, robot.n)), np.full(robot.n, np.inf))
+    path = TorquePath(np.zeros(robot.n), np.zeros(robot.n), np.full(robot.n, np.inf))
     made = Assembly(robot, plant, tuple(payload), robot.gravity, path, robot.to_pin(degrees))
     for effect in model.effects:
         if effect.group not in (None, group) or effect.payload not in (None, payload_name):

@@ -45,7 +45,7 @@ COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common
 
 MAX_PICTURE_BYTES = 60_000
 REFUSED = 8  # refused moves in the table of the search
-DECREASE = "decrease of the objective ± its standard error [nats]"
+DECREASE = "decrease of the objective [nats]"
 KINDS = {
     "motor": "Motor side",
     "sensing": "Recorded torque",

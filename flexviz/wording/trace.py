@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from flexviz.records import Decoys, Move
 from flexviz.wording.findings import effect_text_name, where_text
 from flexviz.wording.merging import Families, text_names
-from flexviz.wording.numbers import listed, plural, with_error
+from flexviz.wording.numbers import listed, number, plural, with_error
 
 MOVES = {
     "add": "{added}{not_} added",
     "drop": "{removed}{not_} dropped",
     "swap": "{added}{not_} put in place of {removed}",
+    "episode": "{added}{not_} added",
     "unknown": "{added}{not_} allowed for",
 }  # kind of move -> in words
 OTHER = "{kind} of {both}{not_} made"
@@ -27,7 +28,7 @@ class ToldMove:
 
     Attributes:
         text: "Coulomb friction on joints 1 and 2 added".
-        delta: decrease of the objective with its standard error [nats]: "400 ± 12".
+        delta: decrease of the objective [nats]: "400"; of earlier versions with a standard error, "400 ± 12".
         accepted: whether the search made it.
         resolution: "coarse", "fine", or both.
         why: why it was refused.
@@ -98,9 +99,9 @@ def _told(moves: Sequence[Move], joints: Sequence[str], families: Families | Non
     words = MOVES.get(first.kind, OTHER)
     text = words.format(added=added, removed=removed, both=both, kind=first.kind, not_=made)
     delta, error = math.fsum(move.delta for move in moves), math.hypot(*(move.error for move in moves))
-    shown, half = with_error(delta, error)
+    shown = number(delta, 3) if error == 0 else " ± ".join(with_error(delta, error))
     resolutions = dict.fromkeys(move.resolution for move in moves)
-    return ToldMove(text, f"{shown} ± {half}", first.accepted, listed(list(resolutions)), first.why)
+    return ToldMove(text, shown, first.accepted, listed(list(resolutions)), first.why)
 
 
 def _names(kind: str, texts: Sequence[str], joints: Sequence[str], families: Families | None) -> str:

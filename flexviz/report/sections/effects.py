@@ -182,7 +182,7 @@ def why(content: ReportContent) -> blocks.Section | None:
         for move in moves
     ]
     head = ("move", "decrease [nats]", "resolution", "")
-    caption = "Moves of the search, and the best that it refused: decrease of its objective ± standard error"
+    caption = "Moves of the search, and the best that it refused: decrease of its objective"
     decoys = diagnosis.decoys
     return blocks.section(
         wording.TRACE_TITLE,

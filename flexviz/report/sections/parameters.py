@@ -57,7 +57,7 @@ def source(content: ReportContent) -> str:
         how = f"Identified with the observer {found.observer_name}" + (", refined" if found.refined else "")
         how += f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
     else:
-        how = "Fitted by the diagnosis, weighted by the measurement noise"
+        how = "Fitted by the diagnosis, as identify does with the same effects"
     return (
         f"{how}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. The data "
         "determine a parameter ● well, ◐ weakly or ○ not at all; a value less than its interval is left out."
