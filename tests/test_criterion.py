@@ -309,7 +309,7 @@ def test_torque_that_a_limit_cuts_off_counts_as_if_nothing_described_it(share: f
     bare, rest = criterion.score(torque, 0.0), criterion.score(left, 0.0)
     found = criterion.score(left, 0.0, cut=(np.full(2, share), bare.deviation))
     for name in ("by_joint", "held_out_by_joint"):
-        expected = share * getattr(bare, name) + (1 - share) * getattr(rest, name)
+        expected = share * bare.by_joint + (1 - share) * getattr(rest, name)
         np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-12)
     assert gain(bare, found).delta == pytest.approx(
         (1 - share) * 500 * np.log(100)
