@@ -26,7 +26,7 @@ from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whiten
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.model import FlexibleModel
-from flexviz.motion import MotionContext
+from flexviz.motion import MOTION, MotionContext
 from flexviz.observers import FlatZeroPhase
 from tests.cases import slow
 from tests.covariances import dense_covariance
@@ -149,10 +149,10 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     gain = EFFECTS["torque_gain"]
     assert gain.at_bound(np.array([-0.8])) and not gain.at_bound(np.array([-0.1]))
     for size, possible in ((-0.1, True), (-0.6, True), (-0.8, False)):  # a bound is where a search diverged
-        assert credible(with_value(effect, size), effect, 1e-3) == possible
+        assert credible(with_value(effect, size), effect, 1e-3, False) == possible
     delay = ChosenEffect("torque_delay")
-    assert credible(with_value(delay, 5e-4), delay, 1e-3)
-    assert not credible(with_value(delay, 1e-5), delay, 1e-3)  # a hundredth of the record's step
+    assert credible(with_value(delay, 5e-4), delay, 1e-3, False)
+    assert not credible(with_value(delay, 1e-5), delay, 1e-3, False)  # a hundredth of the record's step
     assert excess(fit) > 10
 
 
@@ -166,8 +166,8 @@ def test_what_a_complete_model_may_leave(demo: Any) -> None:
     bare = fine.begin(layout, x, 0)
     x[layout.effect_start :] = 0.4
     model = fine.begin(layout, x, 0)
-    limits, trace = THRESHOLDS.criterion, np.mean(bare.fit.point.r**2, axis=0)
-    expected = (1 + limits.noise_known) * np.sqrt(1 + limits.exactness**2 * trace)
+    exactness, trace = THRESHOLDS.criterion.exactness, np.mean(bare.fit.point.r**2, axis=0)
+    expected = (1 + MOTION.noise_known) * np.sqrt(1 + exactness**2 * trace)
     np.testing.assert_allclose(fine.criterion.least, expected, rtol=1e-4)
     below, above = (replace(model.score, deviation=f * fine.criterion.least) for f in (0.99, 1.5))
     noise, least = np.full(2, 0.1), np.full(2, 0.01)
