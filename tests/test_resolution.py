@@ -16,7 +16,7 @@ from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import DECOYS, EFFECTS, ChosenEffect
+from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, kin
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext
@@ -83,6 +83,8 @@ def test_a_form_that_the_motion_does_not_show_is_doubtful(view: Coarse) -> None:
         ripple = ChosenEffect("torque_ripple", 1)
         model = with_values(view, torque_ripple=[0.5, order, 0.3])
         assert view.doubtful(model, known) == ([ripple] if doubtful else [])
+    whole = with_values(view, torque_ripple=[1e-4, 0.95 * two_periods, 0.3])
+    assert not view.loud(whole).any() and view.doubtful(whole, known) == []  # nothing is left on its joint
     for share, doubtful in ((0.55, True), (0.45, False)):  # half of the top speed is no creeping
         model = with_values(view, stribeck_friction=[0.5, share * fast])
         assert view.doubtful(model, known) == ([STRIBECK] if doubtful else [])
@@ -120,21 +122,21 @@ def test_a_spring_and_the_offset_that_stands_for_its_rest_angle_cost_as_one(demo
     joints, view = demo.joints, coarse_of(demo)
     criterion, offset = view.criterion, ChosenEffect("torque_offset", 0)
     alone, both = Layout(joints, (SPRING,)), Layout(joints, (SPRING, offset))
-    simplest = criterion.of_refinement  # a torque offset is the simplest of their family
-    assert view.cost(alone) == pytest.approx(criterion.cost(2, 1) + simplest)
+    chosen = np.log(4)  # of a family of four, whose simplest member is a torque offset
+    assert view.cost(alone) == pytest.approx(criterion.cost(2, 1) + chosen)
     assert view.cost(both) == pytest.approx(view.cost(alone))
     assert view.saved(both, SPRING) == pytest.approx(view.cost(both) - criterion.cost(1, 1))
     assert view.saved(both, offset) == pytest.approx(0.0)
     elsewhere = Layout(joints, (SPRING, ChosenEffect("torque_offset", 1)))
     assert view.cost(elsewhere) == pytest.approx(view.cost(alone) + criterion.cost(1, 1))
     own = coarse_of(demo, Layout(joints, (offset,)))  # an offset of the set's own is one in any case
-    assert own.cost(both) == pytest.approx(own.criterion.cost(2, 2) + simplest)
+    assert own.cost(both) == pytest.approx(own.criterion.cost(2, 2) + chosen)
 
 
 def test_costs_of_a_law_an_episode_and_a_curve(view: Coarse) -> None:
     criterion, joints = view.criterion, view.own.joints
     assert view.cost_of(COULOMB) == pytest.approx(criterion.cost(1, 1))
-    assert view.cost_of(LINK) == pytest.approx(criterion.cost(1, 1) + criterion.of_refinement)
+    assert view.cost_of(LINK) == pytest.approx(criterion.cost(1, 1) + np.log(kin(LINK.effect)))
     contact = ChosenEffect("external_contact", 1, view.measurements.fit_groups[0].name)
     assert view.cost_of(contact) == pytest.approx(
         criterion.cost(3, 1) + np.log(THRESHOLDS.search.intervals)  # it may have happened any time
@@ -233,11 +235,9 @@ def test_united_models_have_what_each_has_more_or_instead(two: Coarse) -> None:
 
 
 def test_what_is_doubtful_does_not_get_into_united_models(view: Coarse) -> None:
-    base = fitted(view, COULOMB)
-    joined = view.united(
-        base, [with_values(view, torque_ripple=[0.01, 1.0, 0.0]), with_values(view, torque_gain=[0.0])]
-    )
-    assert ChosenEffect("torque_ripple", 1) not in view.parts(joined) and COULOMB in view.parts(joined)
+    ripple, offset = ChosenEffect("torque_ripple", 1), ChosenEffect("torque_offset", 1)
+    joined = view.united(view.begin(), [fitted(view, ripple), fitted(view, offset)])
+    assert view.loud(joined)[1] and view.parts(joined) == {offset}
 
 
 def test_decoys_are_candidates_when_they_are_asked_for(view: Coarse, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -344,7 +344,7 @@ def test_the_fine_resolution_begins_where_the_coarse_one_ends(near: FineModel, f
 def test_a_model_errs_if_more_is_left_above_the_noise_than_counts(
     near: FineModel, fine: Fine, view: Coarse
 ) -> None:
-    noise, least = view.noise, view.criterion.least
+    noise, least = view.context.noise_floor, view.criterion.least
     assert not fine.errs(near, noise, least)
     bare = fine.fit(fine.own, fine.own.vector(near.layout.model(near.fit.x)), 3)
     assert fine.errs(bare, noise, least)
