@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Hashable, Iterator
+from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,6 +129,48 @@ def test_no_end_is_worse_than_a_model_that_was_tried() -> None:
 
     end, _ = searched(Watched(x, target(rng, x), NOISE))
     assert end.score.total <= min(seen) + 1e-9
+
+
+@pytest.mark.parametrize("harmed", [True, False])
+def test_what_held_out_groups_need_is_not_dropped(harmed: bool) -> None:
+    """A column that hardly varies in the fitted rows is cheap to leave out, and is missed in the others."""
+    rng, own = np.random.default_rng(50), 3
+    x = columns(rng)
+    x[:FITTED, own] *= 0.3
+    true = TRUE | {own: 0.18 * NOISE * harmed}
+    problem = Regression(x, target(rng, x, true))
+    search = Search(problem)
+    larger, smaller = problem.fit(true), problem.fit(TRUE)
+    found = search.gain(larger, smaller)
+    assert found.smaller and found.delta > 0 and (found.held_out < np.log(0.05)) == harmed
+    assert found.accepted == (not harmed)
+    assert own in search.pruned(larger).columns if harmed else search.pruned(larger).columns == set(TRUE)
+    refused = [t for t in search.trace if t.removed == (own,) and not t.accepted]
+    assert [t.gain.why for t in refused] == ["held-out groups are described less well"] * harmed
+
+
+def test_another_fit_of_the_same_columns_is_no_move() -> None:
+    rng = np.random.default_rng(52)
+    x = columns(rng)
+    y = target(rng, x)
+    asked: list[str] = []
+
+    class Moved(Regression):
+        @property
+        def stages(self) -> Any:
+            return {"add": self.moved}
+
+        def moved(self, model: LinearModel) -> Iterator[tuple[Hashable, LinearModel]]:
+            lower = replace(model.score, by_joint=model.score.by_joint - 50.0)
+            other = replace(model, score=lower)
+            asked.append("moved")
+            assert search.gain(model, other).accepted  # J alone says so
+            yield "", other
+
+    problem = Moved(x, y, NOISE)
+    search = Search(problem)
+    start = problem.fit(TRUE)
+    assert search.run(start) is start and search.trace == [] and asked == ["moved"]
 
 
 @pytest.mark.parametrize(("known", "rho"), [(True, 0.0), (False, 0.0), slow(False, 0.6)])
