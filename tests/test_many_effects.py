@@ -14,18 +14,17 @@ from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make, truth_file
 from flexviz import diagnose
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve, curve_gain
 from flexviz.effects import ChosenEffect
 from flexviz.effects.free_curve import SIZE, FreeFrictionCurve
 from flexviz.equation import Layout
 from flexviz.estimation import Bounds, bounded_step
 from flexviz.measurements import read_set
-from flexviz.motion import MotionContext, MotionFit, Phase
+from flexviz.motion import MOTION, MotionContext, MotionFit, Phase
 from tests.planar_arm import HELD_OUT, planar_set
 
 SHARED = Path(__file__).parents[2] / "shared" / "robotlike"
-LIMITS, CURVE = THRESHOLDS.prior, FreeFrictionCurve()
+CURVE = FreeFrictionCurve()
 DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
 
 
@@ -125,7 +124,7 @@ def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):
     branch = np.array(CURVE.branches[0])
     level = np.zeros(len(precision))
     level[branch] = context.spread[1]
-    expected = LIMITS.hidden_torque**-2 + len(branch) / SIZE**2
+    expected = MOTION.hidden_torque**-2 + len(branch) / SIZE**2
     assert level @ precision @ level == pytest.approx(expected, rel=1e-9)
 
 
