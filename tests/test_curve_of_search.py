@@ -76,7 +76,8 @@ def test_left_out_it_changes_no_parameter(ended: Diagnosis, without: Diagnosis) 
     assert not any(step.added is not None and step.added.stopgap for step in without.steps)
     assert len(without.steps) == len(ended.steps) - 1
     for p in without.parameters:
-        assert (p.value, p.std) == pytest.approx((ended[p.name, p.joint].value, ended[p.name, p.joint].std))
+        other = ended[p.name, p.joint]  # one that the data do not show has no error
+        assert (p.value, p.std) == pytest.approx((other.value, other.std), nan_ok=True)
     assert without["stiffness", "joint2"].value == pytest.approx(1100, rel=0.02)
 
 
