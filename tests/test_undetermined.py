@@ -50,7 +50,7 @@ def test_a_value_less_than_its_interval_is_not_determined() -> None:
 
 @pytest.fixture(scope="module")
 def lacking(demo: MeasurementSet) -> Identification:
-    """Without the friction that the arm has; besides, the stiffness of joint2 is told to be above something."""
+    """Without the friction that the arm has; besides, the stiffness of joint2 is above something."""
     found = identify(demo)
     soft = found["stiffness", "joint2"]
     estimates = (replace(p, rigid_above=653.0) if p == soft else p for p in found.parameters)
