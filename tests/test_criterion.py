@@ -1,29 +1,32 @@
-"""The criterion: likelihoods against brute force, correlation times, and the standard error of a gain."""
+"""The criterion: J against brute force, correlation times, costs, and what makes a move accepted."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.special import huber
+from scipy.special import huber as scipy_huber
 
+from flexviz.diagnosis.coarse import Coarse
 from flexviz.diagnosis.criterion import (
+    Criterion,
     Gain,
-    Likelihood,
-    Residuals,
+    Score,
     confidence,
     correlation_times,
+    criterion_of,
     gain,
-    half_seconds,
-    likelihood,
 )
+from flexviz.diagnosis.fine import Fine
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation import build_signals
-from flexviz.measurements import MeasurementSet
-from flexviz.observers import FlatZeroPhase
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.motion import MotionContext, Residuals, huber
+from tests.planar_arm import HELD_OUT, planar_set
 from tests.toy_regression import autoregressive, residuals_of
 
 Array = NDArray[np.float64]
@@ -38,157 +41,251 @@ def two_parts(seed: int = 0, n: int = 3) -> list[Residuals]:
     for count in (400, 150):
         values = rng.standard_normal((count, n)) * np.array([1.0, 0.1, 20.0][:n])
         values[rng.random((count, n)) < 0.03] *= 12
-        parts.append(residuals_of(values, 25, rng.random((count, n)) < 0.9))
+        parts.append(residuals_of(values, rng.random((count, n)) < 0.9))
     return parts
 
 
+def clipped_deviation(values: Array, outlier: float) -> float:
+    """Of single samples, shape (N,), those far off moved to where they begin to count linearly."""
+    sigma = float(np.sqrt(np.mean(values**2)))
+    for _ in range(0 if np.isinf(outlier) else 3):
+        sigma = float(np.sqrt(np.mean(np.clip(values, -outlier * sigma, outlier * sigma) ** 2)))
+    return sigma
+
+
 @pytest.mark.parametrize("outlier", [np.inf, 2.5])
-def test_the_likelihood_is_that_of_every_single_sample(outlier: float) -> None:
-    parts, floor = two_parts(), np.array([1e-3, 0.5, 1e-3])
-    found = likelihood(parts, floor, 7.0, 4, outlier)
-    losses, count = [], np.zeros(3)
+def test_the_score_is_that_of_every_single_sample(outlier: float) -> None:
+    parts, least = two_parts(), np.array([1e-3, 0.5, 1e-3])
+    criterion = criterion_of(parts, least, 30, outlier)
+    found = criterion.score(parts, 7.0)
+    expected, held, count = np.zeros(3), np.zeros(3), np.zeros(3)
     for j in range(3):
-        kept = np.concatenate([part.values[part.used[:, j], j] for part in parts])
-        count[j] = len(kept)
-        sigma = np.sqrt(np.mean(kept**2))
-        for _ in range(0 if np.isinf(outlier) else 3):
-            sigma = np.sqrt(np.mean(np.minimum(np.abs(kept), outlier * sigma) ** 2))
-        sigma = max(sigma, floor[j])
-        assert found.deviation[j] == pytest.approx(sigma, rel=1e-12)
-        each = []
-        for part in parts:
-            for rows in part.stretches:
-                here = part.values[rows, j][part.used[rows, j]]
-                each.append(np.sum(huber(outlier, here / sigma) + np.log(sigma)))
-        losses.append(each)
-    np.testing.assert_allclose(found.losses, np.transpose(losses), rtol=1e-12)
-    assert found.deviation[1] == 0.5  # no less than what noise explains
-    assert found.held_out.tolist() == [False] * 16 + [True] * 6
-    assert (found.other, found.freedom) == (7.0, 4)
-    assert found.samples == pytest.approx(np.sum(count / found.times))
+        each = [part.values[part.used[:, j], j] for part in parts]
+        count[j] = sum(map(len, each))
+        expected[j] = clipped_deviation(np.concatenate(each), outlier)
+        held[j] = clipped_deviation(each[-1], outlier)
+    np.testing.assert_allclose(found.deviation, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.held_out, held, rtol=1e-12)
+    assert expected[1] < 0.5 and held[1] < 0.5  # below what noise and tolerance leave nothing counts
+    samples = count / correlation_times(parts)
+    np.testing.assert_allclose(criterion.samples, samples, rtol=1e-12)
+    np.testing.assert_allclose(found.by_joint, samples * np.log(np.maximum(expected, least)), rtol=1e-12)
+    np.testing.assert_allclose(found.held_out_by_joint, samples * np.log(np.maximum(held, least)), rtol=1e-12)
+    assert found.cost == 7.0 and found.total == pytest.approx(found.by_joint.sum() + 7.0, rel=1e-12)
 
 
-def test_a_gaussian_likelihood_with_its_own_variance_is_that_of_the_variance_alone() -> None:
-    """−log p = N log σ + N / 2 (and N log 2π / 2, which every model has)."""
-    values = 3.0 * np.random.default_rng(1).standard_normal((500, 1))
-    found = likelihood([residuals_of(values, 50)], np.zeros(1), 0.0, 0)
-    sigma = np.sqrt(np.mean(values**2))
-    assert found.losses.sum() == pytest.approx(500 * (np.log(sigma) + 0.5))
+def test_samples_that_do_not_count_change_nothing() -> None:
+    parts = two_parts(3)
+    criterion = criterion_of(parts, np.full(3, 1e-3), 30, LIMITS.outlier)
+    spoilt = [residuals_of(np.where(p.used, p.values, 1e6), p.used) for p in parts]
+    again = criterion_of(spoilt, np.full(3, 1e-3), 30, LIMITS.outlier)
+    np.testing.assert_allclose(again.samples, criterion.samples, rtol=1e-12)
+    np.testing.assert_allclose(again.score(spoilt, 0.0).by_joint, criterion.score(parts, 0.0).by_joint)
+
+
+def test_without_held_out_groups_the_fitted_ones_stand_for_them() -> None:
+    part = two_parts()[0]
+    found = criterion_of([part], np.full(3, 1e-3), 30).score([part], 0.0)
+    np.testing.assert_array_equal(found.held_out, found.deviation)
+    np.testing.assert_array_equal(found.held_out_by_joint, found.by_joint)
+
+
+def test_j_falls_by_what_a_likelihood_of_unknown_variance_gains() -> None:
+    """−log p = N log σ + N / 2, whose second term every model has; N independent samples count, not all."""
+    rng = np.random.default_rng(1)
+    values = 3.0 * rng.standard_normal((500, 1))
+    part, half = residuals_of(values), residuals_of(0.5 * values)
+    criterion = criterion_of([part], np.array([1e-9]), 1)
+    found = gain(criterion.score([part], 0.0), criterion.score([half], 0.0))
+    assert found.delta == pytest.approx(criterion.samples[0] * np.log(2))
+    assert 0.75 * 500 < criterion.samples[0] < 500
+
+
+def test_huber_is_scipys() -> None:
+    ratio = np.abs(np.random.default_rng(0).standard_normal((200, 2))) * 3
+    np.testing.assert_allclose(huber(ratio, 2.5), scipy_huber(2.5, ratio), rtol=1e-12)
+    np.testing.assert_allclose(huber(ratio, np.inf), 0.5 * ratio**2, rtol=1e-12)
+
+
+# -- independent samples
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_correlation_times_of_an_autoregressive_process(rho: float) -> None:
     rng = np.random.default_rng(2)
     values = np.concatenate([autoregressive(rng, 800, rho, 2) for _ in range(60)])
-    part = residuals_of(values, 100, block=800)
+    part = residuals_of(values, block=800)
     lags = np.arange(1, 101)  # an eighth of a block
     expected = 1 + 2 * np.sum(rho ** (2 * lags))
     assert expected == pytest.approx((1 + rho**2) / (1 - rho**2))
     np.testing.assert_allclose(correlation_times([part]), expected, rtol=0.05)
-    halves = [residuals_of(half, 100, block=800) for half in np.split(values, 2)]
+    halves = [residuals_of(half, block=800) for half in np.split(values, 2)]
     np.testing.assert_allclose(correlation_times(halves), correlation_times([part]), rtol=1e-9)
 
 
 def test_short_records_are_no_more_than_a_third_too_correlated() -> None:
     """The squares of what ρ_k scatters add up: few samples count a little less."""
     rng = np.random.default_rng(3)
-    times = [correlation_times([residuals_of(rng.standard_normal((600, 2)), 50)]) for _ in range(40)]
+    times = [correlation_times([residuals_of(rng.standard_normal((600, 2)))]) for _ in range(40)]
     assert 1 < np.mean(times) < 4 / 3
 
 
-def compared(rng: np.random.Generator, rho: float, size: float) -> Gain:
-    """What a model gains that describes a sine beside autocorrelated noise of two joints."""
-    count, block = 3000, 1000
-    noise = np.concatenate([autoregressive(rng, block, rho, 2) for _ in range(count // block)])
-    sine = size * np.sin(2 * np.pi * np.arange(count) / 25)[:, None] * np.array([1.0, 0.0])
-    after, before = (residuals_of(values, 50, block=block) for values in (noise, noise + sine))
-    floor = np.full(2, 1.05)
-    times = correlation_times([after])
-    worse, better = (likelihood([part], floor, 0.0, 0, times=times) for part in (before, after))
-    return gain(worse, better)
+# -- costs
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("rho", "size"), [(0.0, 0.2), (0.0, 1.0), (0.7, 0.3)])
-def test_the_standard_error_is_the_scatter_of_repetitions_or_a_little_more(rho: float, size: float) -> None:
-    rng = np.random.default_rng(4)
-    found = [compared(rng, rho, size) for _ in range(300)]
-    scatter = np.std([one.delta for one in found], ddof=1)
-    assert 0.9 < np.mean([one.error for one in found]) / scatter < 1.5
-    by_joint = np.std([one.by_joint[0] for one in found], ddof=1)
-    assert 0.9 < np.mean([one.errors[0] for one in found]) / by_joint < 1.5
-    assert found[0].delta == pytest.approx(found[0].by_joint.sum())  # neither parameters nor candidates
+def priced(samples: float = 900.0, choices: int = 30) -> Criterion:
+    return Criterion(np.array([samples / 3, 2 * samples / 3]), np.full(2, 1e-3), choices)
 
 
-def of(values: Array, freedom: int = 0, other: float = 0.0, held_out: Array | None = None) -> Likelihood:
-    """Likelihood of residuals of known variance 1."""
-    parts = [residuals_of(part, 50) for part in ([values] if held_out is None else [values, held_out])]
-    return likelihood(parts, np.ones(values.shape[1]), other, freedom, times=np.ones(values.shape[1]))
+def test_costs_are_those_of_parameters_a_choice_and_a_place() -> None:
+    criterion = priced()
+    assert criterion.of_parameter == pytest.approx(0.5 * np.log(900))  # of all joints' samples
+    assert criterion.of_effect == pytest.approx(np.log(30 / LIMITS.false_alarm))
+    one = criterion.cost(2, 1)
+    assert one == pytest.approx(np.log(900) + np.log(30 / 0.05))
+    assert criterion.cost(3, 1, 5000) == pytest.approx(one + 0.5 * np.log(900) + np.log(5000))
+    assert criterion.cost(4, 2) == pytest.approx(2 * one)  # costs of effects add up
+    assert criterion.cost(1, 0) == criterion.of_parameter  # a stand-in is no effect of its own
+    assert criterion.of_refinement == pytest.approx(np.log(1 / LIMITS.false_alarm))
+    assert priced(choices=60).of_effect - criterion.of_effect == pytest.approx(np.log(2))
 
 
 def test_a_move_that_changes_nothing_costs_its_parameters_and_its_choice() -> None:
-    values = 0.5 * np.random.default_rng(5).standard_normal((1000, 1))
-    before, after = of(values), of(values, freedom=2)
-    cost = 2 * np.log(20) + np.log(1000)
-    assert gain(before, after, 20).delta == pytest.approx(-cost)
-    assert gain(after, before, 20).delta == pytest.approx(cost)  # and is saved
-    assert gain(before, before, 20).delta == 0.0  # a swap of laws with as many parameters
-    assert gain(before, of(values, other=3.0)).delta == pytest.approx(-3.0)
+    parts, criterion = two_parts(n=2), priced()
+    before, after = (criterion.score(parts, criterion.cost(2 * k, k)) for k in (0, 1))
+    cost = criterion.cost(2, 1)
+    assert gain(before, after).delta == pytest.approx(-cost) and not gain(before, after).accepted
     assert gain(before, after).why == "it costs more than it gains"
+    assert gain(after, before).delta == pytest.approx(cost) and gain(after, before).accepted  # it is saved
+    same = gain(before, before)
+    assert same.delta == 0.0 and not same.accepted and same.held_out == 0.0
 
 
-def test_what_happens_once_is_judged_by_the_noise_alone_where_that_is_all_that_is_left() -> None:
-    """No other stretch confirms a contact: the scatter between stretches is as large as what it gains."""
-    rng = np.random.default_rng(6)
-    noise = rng.standard_normal((1000, 1))
-    pushed = noise.copy()
-    pushed[500:550] += 1.5
-    found = gain(of(pushed), of(noise))
-    assert found.accepted and not found.reversed.accepted
-    by_noise = np.sqrt(2 * found.by_joint.sum())
-    assert found.error == pytest.approx(by_noise, rel=0.2)
-    error = np.sqrt(2) * noise  # half of the variance is a model error
-    unsure = gain(of(error + pushed - noise), of(error))
-    assert unsure.delta > 2 and not unsure.accepted and unsure.why == "what it gains may be chance"
+# -- a number of a model
 
 
-def test_a_move_that_harms_held_out_groups_is_refused() -> None:
+def adds_up(scores: list[Score], rng: np.random.Generator, triples: int) -> None:
+    """J(A) − J(C) along every path, with the sign of its direction."""
+    for _ in range(triples):
+        a, b, c = (scores[k] for k in rng.integers(len(scores), size=3))
+        whole, first, second = gain(a, c), gain(a, b), gain(b, c)
+        size = abs(whole.delta) + abs(first.delta) + abs(second.delta)
+        assert abs(whole.delta - first.delta - second.delta) <= 1e-6 * size
+        np.testing.assert_allclose(whole.by_joint, first.by_joint + second.by_joint, atol=1e-6 * size + 1e-12)
+        assert whole.held_out == pytest.approx(first.held_out + second.held_out, abs=1e-6 * size + 1e-12)
+        assert gain(c, a).delta == -whole.delta and gain(c, a).held_out == -whole.held_out
+        assert not (whole.accepted and gain(c, a).accepted)  # nobody walks to and fro
+
+
+def test_j_adds_up_for_any_scores() -> None:
+    rng, criterion = np.random.default_rng(7), priced()
+    scores = [
+        criterion.score(
+            [residuals_of(rng.uniform(0.01, 10) * p.values) for p in two_parts(k, 2)],
+            float(rng.uniform(0, 50)),
+            rng.uniform(0.5, 2, 2),
+        )
+        for k in range(40)
+    ]
+    adds_up(scores, rng, 300)
+
+
+MODELS = (
+    (), ("coulomb_friction:0",), ("coulomb_friction:1",), ("torque_offset:0",),
+    ("coulomb_friction:0", "torque_offset:0"), ("cable_spring:1", "torque_offset:1"), ("torque_gain:0",),
+    ("coulomb_friction:0", "coulomb_friction:1", "quadratic_friction:1"),
+)  # fmt: skip
+
+
+def layouts(joints: tuple[str, ...]) -> list[Layout]:
+    split = [[text.split(":") for text in texts] for texts in MODELS]
+    return [Layout(joints, tuple(ChosenEffect(name, int(joint)) for name, joint in some)) for some in split]
+
+
+@pytest.mark.parametrize("hidden", ["coulomb_friction:joint1:coulomb=1", "torque_offset:joint1:offset=1"])
+def test_j_adds_up_for_fitted_models(hidden: str, tmp_path: Path) -> None:
+    """200 random triples of models of two sets, and whatever is fitted, n_j stay those of the recording."""
+    measurements = planar_set(tmp_path / "set", [hidden], 5, groups=HELD_OUT)
+    own = Layout(measurements.joints)
+    view = Coarse(MotionContext(measurements, own.joints, stand_ins=True), own, lambda _: None)
+    criterion, samples = view.criterion, view.criterion.samples.copy()
+    scores = [view.fit(layout, view.context.start(layout).x, 5).score for layout in layouts(own.joints)]
+    adds_up(scores, np.random.default_rng(0), 100)
+    assert view.criterion is criterion
+    np.testing.assert_array_equal(criterion.samples, samples)
+    order = sorted(scores, key=lambda score: score.total)
+    assert all(gain(worse, better).delta >= 0 for better, worse in pairwise(order))
+
+
+@pytest.mark.slow
+def test_j_adds_up_in_units_of_the_noise(tmp_path: Path) -> None:
+    measurements = planar_set(tmp_path / "set", ["coulomb_friction:joint1:coulomb=1"], 5, groups=HELD_OUT)
+    own = Layout(measurements.joints)
+    fine = Fine(FitContext(measurements, own), own, lambda _: None)
+    start = fine.begin(own, fine.context.start(own).x, 3)
+    models = [fine.fit(one, one.vector(own.model(start.fit.x)), 3) for one in layouts(own.joints)]
+    adds_up([model.score for model in models], np.random.default_rng(0), 100)
+
+
+# -- accepted moves
+
+
+@pytest.mark.parametrize(("shift", "harmed"), [(1.0, True), (0.0, False)])
+def test_a_larger_model_that_harms_held_out_groups_is_refused_but_not_a_smaller_one(
+    shift: float, harmed: bool
+) -> None:
     rng = np.random.default_rng(7)
     fitted, held_out = rng.standard_normal((2000, 1)), rng.standard_normal((400, 1))
-    before = of(fitted + 1.0, held_out=held_out)
-    for shift, harmed in ((1.0, True), (0.01, False)):
-        found = gain(before, of(fitted, held_out=held_out + shift))
-        assert found.delta > LIMITS.deviations * found.error
-        assert found.harmed == harmed and found.accepted == (not harmed)
-        assert bool(found.why) == harmed
-    assert found.reversed.delta == -found.delta and not found.reversed.accepted
+    criterion = Criterion(np.array([1000.0]), np.array([1e-3]), 30)
+    before = [residuals_of(fitted + 1.0), residuals_of(held_out)]
+    after = [residuals_of(fitted), residuals_of(held_out + shift)]
+    for cost, smaller in ((20.0, False), (10.0, False), (0.0, True)):
+        found = gain(criterion.score(before, 10.0), criterion.score(after, cost))
+        assert found.delta > 50 and found.smaller == smaller
+        assert (found.held_out < -LIMITS.rounding) == harmed
+        assert found.accepted == (smaller or not harmed)
+        why = "" if found.accepted else "held-out groups are described less well"
+        assert found.why == why
 
 
-def test_two_stretches_say_nothing_about_chance() -> None:
-    values = np.random.default_rng(8).standard_normal((100, 1))
-    found = gain(of(values + 2.0), of(values))
-    assert found.delta > 50 and found.error == np.inf and not found.accepted
+def test_held_out_groups_may_be_described_worse_by_a_rounding_error() -> None:
+    for held_out, accepted in ((-0.9, True), (-1.1, False)):
+        found = Gain(5.0, np.zeros(1), held_out * LIMITS.rounding)
+        assert found.accepted == accepted
+    assert not Gain(-0.1, np.zeros(1), 5.0, smaller=True).accepted  # J has to fall anyway
+    assert not Gain(0.0, np.zeros(1), 0.0).accepted
 
 
-def test_stretches_are_about_half_a_second(demo: MeasurementSet) -> None:
-    signals = build_signals(demo, demo.groups, FlatZeroPhase(2 * np.pi * 6))
-    stretches = half_seconds(signals.blocks)
-    assert stretches[0].start == 0 and stretches[-1].stop == signals.count
-    assert all(a.stop == b.start for a, b in pairwise(stretches))
-    edges = {s.start for s in stretches}
-    assert {block.rows.start for block in signals.blocks} <= edges  # none reaches over a gap
-    seconds = [np.ptp(signals.time[s]) for s in stretches]
-    assert 0.4 < np.median(seconds) < 0.6
+def test_a_model_is_judged_in_units_of_the_recorded_torque() -> None:
+    """With all of a joint's torque 1 + g as large, its residual is, too: nothing is gained."""
+    parts, least = two_parts(), np.full(3, 1e-3)
+    criterion = criterion_of(parts, least, 30, LIMITS.outlier)
+    scale = np.array([0.2, 1.0, 1.5])
+    shrunken = [Residuals(p.values * scale, p.used, p.blocks) for p in parts]
+    found, plain = criterion.score(shrunken, 3.0, scale), criterion.score(parts, 3.0)
+    np.testing.assert_allclose(found.deviation, plain.deviation, rtol=1e-12)
+    np.testing.assert_allclose(found.held_out, plain.held_out, rtol=1e-12)
+    assert gain(plain, found).delta == pytest.approx(0.0, abs=1e-9)
+    assert gain(plain, criterion.score(shrunken, 3.0)).delta > 100  # what it would seem to gain
 
 
-def test_confidence_follows_what_a_finding_gains() -> None:
-    one = Gain(100.0, 5.0, np.zeros(1), np.zeros(1))
-    sure = confidence(one, 0.0)
-    assert confidence(replace(one, delta=20.0), 0.0) < sure > 0.95
-    assert confidence(replace(one, error=45.0), 0.0) < sure
-    assert 0.85 < confidence(one, 100.0) < sure  # what gains as much beside it may be imitated ...
-    assert confidence(one, 1000.0) < 0.6  # ... and what gains much more, probably
-    assert confidence(replace(one, delta=LIMITS.deviations * 5.0 + LIMITS.temperature), 0.0) == pytest.approx(
-        0.73, abs=0.01
-    )
-    assert confidence(replace(one, delta=-1e6), 0.0) < 1e-9
+# -- confidence
+
+
+def test_confidence_grows_with_what_is_gained_and_falls_with_what_is_left() -> None:
+    gains, rest = np.linspace(-200, 500, 80), np.array([0.0, 3.0, 30.0, 300.0, 3000.0])
+    table = np.array([[confidence(float(g), float(left)) for g in gains] for left in rest])
+    assert np.all(np.diff(table, axis=1) >= 0) and np.all(np.diff(table, axis=0) <= 0)
+    assert np.all((table > 0) & (table < 1))
+    some = np.array([confidence(g, 0.0) for g in (0.0, 5.0, 10.0, 20.0, 40.0)])
+    assert np.all(np.diff(some) > 0.005)
+
+
+def test_confidence_of_some_gains() -> None:
+    assert confidence(1e4, 0.0) == pytest.approx(1 / (1 + LIMITS.false_alarm))
+    even = confidence(0.0, 0.0)
+    assert even == pytest.approx(1 / (2 + LIMITS.false_alarm))
+    assert confidence(LIMITS.temperature, 0.0) == pytest.approx(1 / (1 + np.exp(-1) + LIMITS.false_alarm))
+    assert confidence(-1e6, 0.0) < 1e-9
+    assert 0.85 < confidence(100.0, 100.0) < confidence(100.0, 0.0)  # as much as it gains may be imitated ...
+    assert confidence(100.0, 1000.0) <= 0.5  # ... and much more, probably

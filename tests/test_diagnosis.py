@@ -13,10 +13,10 @@ import pytest
 from flexviz.cli import main
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.candidates import candidates, with_effects, without_effects
-from flexviz.diagnosis.prediction_errors import Known
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.motion import Known
 from flexviz.progress import Progress
 from flexviz.resources import sessions_dir
 from flexviz.wording import quantity

@@ -221,7 +221,7 @@ def test_a_search_that_ends_at_a_bound_has_found_nothing(effect: Effect) -> None
 
 
 def test_sizes_that_are_too_small_or_too_large_are_not_believed() -> None:
-    """Artefacts of time stamps, of the torque's hold, of other errors; drives that nobody would accept."""
+    """Artefacts of time stamps, of the torque's hold, of other errors; what drives hardly are costs."""
     evidence = EffectEvidence(np.array([3.0, -4.0, 5.0]) * 1e3, record_step=1e-3)
     delay, contact, gain = (EFFECTS[n] for n in ("torque_delay", "external_contact", "torque_gain"))
     for sign in (1, -1):
@@ -230,11 +230,10 @@ def test_sizes_that_are_too_small_or_too_large_are_not_believed() -> None:
         least = 3e-5 * rms(evidence.torque)
         seen = [contact.credible(np.array([sign * s * least, 1.0, 2.0]), evidence) for s in (0.9, 1.1)]
         assert seen == [False, True]
-        assert [gain.credible(np.array([sign * g]), evidence) for g in (0.39, 0.4, 0.41)] == [
-            True,
-            False,
-            False,
-        ]
+        assert gain.surprise(np.array([sign * 0.1])) == pytest.approx(2.0)  # twice what a drive may be off
+        assert gain.surprise(np.array([sign * 0.5])) == pytest.approx(50.0)
+    seen = [gain.credible(np.array([g]), evidence) for g in (-0.8, -0.79, 0.5, 3.9, 4.0)]
+    assert seen == [False, True, True, True, False]
     stribeck = EFFECTS["stribeck_friction"]
     seen = [stribeck.credible(np.array([1.0, v]), replace(evidence, top_speed=2.0)) for v in (0.9, 1.1)]
     assert seen == [True, False] and stribeck.credible(np.array([1.0, 1.1]), evidence)

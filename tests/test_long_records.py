@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 
 from flexviz.diagnosis import motion_fit
 from flexviz.diagnosis.fine import Fine
@@ -21,6 +20,7 @@ from flexviz.estimation import least_squares, score_test, whitening
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import Whitener
 from flexviz.measurements import read_set
+from flexviz.motion import MotionContext, MotionFit
 from flexviz.recent import Recent
 from flexviz.resources import sessions_dir
 

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
-from flexviz.diagnosis.motion_samples import Phase
 from scipy.optimize import lsq_linear
 
 from benchmarks.diagnosis_study.cases import selected
@@ -23,6 +21,7 @@ from flexviz.effects.free_curve import SIZE, FreeFrictionCurve
 from flexviz.equation import Layout
 from flexviz.estimation import Bounds, bounded_step
 from flexviz.measurements import read_set
+from flexviz.motion import MotionContext, MotionFit, Phase
 from tests.planar_arm import HELD_OUT, planar_set
 
 SHARED = Path(__file__).parents[2] / "shared" / "robotlike"

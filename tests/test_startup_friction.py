@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.diagnosis.motion_samples import Phase
 
 from benchmarks.diagnosis_study.motions import random_moves
 from flexviz.diagnosis import diagnose
@@ -18,6 +16,7 @@ from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, Segment, read_set
+from flexviz.motion import MotionContext, Phase
 from flexviz.simulation import make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
 
@@ -87,7 +86,7 @@ def test_identification_recovers_it(moves: MeasurementSet) -> None:
 def test_it_is_found_with_all_samples(moves: MeasurementSet, without: MeasurementSet) -> None:
     for measurements, hidden in ((moves, True), (without, False)):
         view = view_of(measurements)
-        found = Search(view).run(view.rich(), inner=True)
+        found = Search(view).run(view.begin())
         assert (STARTUP in view.parts(found)) == hidden and COULOMB in view.parts(found)
         assert ChosenEffect("startup_friction", 1) not in view.parts(found)
         if hidden:

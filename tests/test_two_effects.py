@@ -19,6 +19,7 @@ from flexviz.measurements import read_set
         (79, "pair-2r-032-motor_coupling+stribeck_friction", None),  # both at one place
         (79, "pair-2r-015-stribeck_friction+quadratic_friction", 1),
         (107, "pair-2r-010-cable_spring+friction_drift", 1),  # a ripple fits better than the spring alone
+        (107, "pair-2r-002-backlash+quadratic_friction", None),
     ],
 )
 def test_two_effects_are_found(seed: int, name: str, sure: int | None, tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def test_a_constant_friction_is_constant(demo: MeasurementSet, diagnosed_demo: D
         (0.0, False, False), (0.1, False, False), (0.4, False, True), (-0.4, False, True), (0.4, True, True),
     ):  # fmt: skip
         fine = Fine(FitContext(with_growing_friction(demo, share, along_load), own), own, lambda _: None)
-        found = changing_size(fine, fine.fit(layout, layout.vector(diagnosed_demo.model), iterations=3))
+        found = changing_size(fine, fine.begin(layout, layout.vector(diagnosed_demo.model), iterations=3))
         assert (found is not None) == changing
         if found is not None:
             assert found.named == FRICTION_NAMED
@@ -125,4 +125,4 @@ def test_a_group_too_short_for_a_sample_is_left_out(demo: MeasurementSet) -> Non
     measurements = with_growing_friction(replace(demo, groups=(tiny, *demo.groups)), 0.4)
     layout, own = Layout(demo.joints, (FRICTION,)), Layout(demo.joints)
     fine = Fine(FitContext(measurements, own), own, lambda _: None)
-    assert changing_size(fine, fine.fit(layout, fine.context.start(layout).x, iterations=6)) is not None
+    assert changing_size(fine, fine.begin(layout, fine.context.start(layout).x, iterations=6)) is not None

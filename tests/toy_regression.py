@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Residuals, Score, criterion_of
+from flexviz.diagnosis.criterion import Score, criterion_of
+from flexviz.motion import Residuals
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -82,7 +83,8 @@ class Regression:
     def left(self, columns: Iterable[int | str]) -> tuple[list[Residuals], Array]:
         """What least squares on the fitted rows leave, and the coefficients."""
         matrix, _ = self.matrix(columns)
-        found = np.asarray(np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)[0], float)
+        solved = np.linalg.lstsq(matrix[:FITTED], self.y[:FITTED], rcond=None)
+        found = np.asarray(solved[0], np.float64)
         left = (self.y - matrix @ found)[:, None]
         return [residuals_of(rows, block=BLOCK) for rows in (left[:FITTED], left[FITTED:])], found
 

@@ -132,13 +132,13 @@ def excess(fit: Fit) -> float:
     return float(np.mean(np.maximum(values - 1.0, 0.0)))
 
 
-def credible(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
+def credible(fit: Judged, effect: ChosenEffect, raw_step: float, explained: bool) -> bool:
     """Whether an effect is possible, and its form visible in the motion.
 
-    `raw_step`: sampling interval of the records [s].
+    `raw_step`: sampling interval of the records [s]; `explained`: nothing that counts is left on its joint.
     """
     layout, joint = fit.layout, effect.joint or 0
     viscous = float(layout.motor_side(fit.x)[1][joint] + fit.x[layout.link_viscous][joint])
     top_speed, travel = float(np.max(np.abs(fit.velocity[:, joint]))), float(np.ptp(fit.position[:, joint]))
-    evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed, travel)
+    evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed, travel, explained)
     return EFFECTS[effect.effect].credible(fit.x[layout.effect_slice(effect)], evidence)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,15 @@ from flexviz.diagnosis.candidates import (
     without,
     without_effects,
 )
-from flexviz.diagnosis.criterion import Gain, Residuals, criterion_of
+from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, criterion_of
 from flexviz.diagnosis.elimination import Linearised, eliminated
 from flexviz.diagnosis.fit_context import STEPS
-from flexviz.diagnosis.resolution import EFFORT, Model, Moves, Resolution, Scoring
+from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
 from flexviz.diagnosis.unknown_curve import best_curve, is_curve
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import shares_alone, torque_scale
-from flexviz.motion import MOTION, MotionContext, MotionFit, Phase, plain_model, usual_model
+from flexviz.motion import MOTION, Known, MotionContext, MotionFit, Phase, plain_model, usual_model
 
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
@@ -41,16 +41,26 @@ class Coarse(Resolution[MotionFit]):
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
-        self.noise = (1 + MOTION.noise_known) * context.noise_floor
+        self._criterion: Criterion | None = None
         self._refused = dict[Hashable, float]()  # candidates and joints, and what they promised
         self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
-        self.begin()
+
+    @property
+    def criterion(self) -> Criterion:
+        """Of the recording, by the set's own model."""
+        if self._criterion is None:
+            self.begin()
+        assert self._criterion is not None
+        return self._criterion
 
     def begin(self) -> CoarseModel:
         """The set's own model, from which on J is measured, of the samples that count by now."""
         fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
-        least = np.maximum(self.noise, MOTION.tolerance * self.context.spread)
-        self.criterion = criterion_of(self.residuals(fit), least, self.choices, MOTION.outlier)
+        least, parts = self.context.least, self.residuals(fit)
+        self._criterion = criterion_of(parts, least, self.choices, MOTION.outlier)
+        count = sum(part.used.sum(axis=0) for part in parts)
+        # an objective is twice a sum over samples, of which few are independent
+        self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
         return self.model(fit)
 
     @property
@@ -64,6 +74,11 @@ class Coarse(Resolution[MotionFit]):
         """A model fitted from x, shape (P,)."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check))
 
+    def tried(self, start: Known) -> CoarseModel:
+        """A model fitted as closely as its J needs."""
+        fit = self.context.fit(start.layout, start.x, check=self.check, settled=self.settled)
+        return self.model(fit)
+
     def refit(self, model: CoarseModel, layout: Layout, x: Array) -> CoarseModel:
         return self.fit(layout, x)
 
@@ -74,7 +89,15 @@ class Coarse(Resolution[MotionFit]):
             if is_curve(effect):
                 cost += curve_cost(fit, where)
             cost += EFFECTS[effect.effect].surprise(fit.x[where])
-        return Model(fit, self.criterion.score(self.residuals(fit), cost, scale))
+        return Model(fit, self.criterion.score(self.residuals(fit), cost, scale, self.cut_off(fit)))
+
+    def cut_off(self, fit: MotionFit) -> tuple[Array, Array] | None:
+        """Shares of samples whose torque exceeds a limit of the model, and its deviation, (n,) each."""
+        share, torque = np.zeros(self.own.n), np.abs(self.context.signals.tau[0])
+        for effect, where in fit.layout.effect_slices():
+            if EFFECTS[effect.effect].limits_torque and (limit := fit.x[where.start]) > 0:
+                share[effect.place.own_joint] = np.mean(torque[:, effect.place.own_joint] > limit)
+        return (share, self.context.spread) if share.any() else None
 
     def rich(self) -> CoarseModel:
         """Every usual effect on every joint."""
@@ -84,6 +107,11 @@ class Coarse(Resolution[MotionFit]):
     def towards(self, model: CoarseModel, x: Array, smaller: Layout) -> Array:
         return model.fit.towards(x, smaller)
 
+    def without(self, model: CoarseModel, effect: ChosenEffect) -> CoarseModel:
+        """The model without an effect, fitted."""
+        start = without_effects(model.fit, [effect])
+        return self.fit(start.layout, start.x)
+
     def with_rest_angles(self, model: CoarseModel) -> CoarseModel:
         """The model with torque offsets on a joint with a spring turned into the spring's rest angle."""
         merged = with_offsets_merged(model.fit, self.own)
@@ -91,9 +119,10 @@ class Coarse(Resolution[MotionFit]):
 
     def residuals(self, fit: MotionFit) -> list[Residuals]:
         context = self.context
+        unknown = fit.unknown()
         return [
-            Residuals(r, used, [b.rows for b in s.blocks])
-            for r, used, s in zip(fit.residuals, context.used, context.parts, strict=True)
+            Residuals(r, used, [b.rows for b in s.blocks], u)
+            for r, used, s, u in zip(fit.residuals, context.used, context.parts, unknown, strict=True)
         ]
 
     def linearised(self, model: CoarseModel) -> Linearised:
@@ -110,6 +139,13 @@ class Coarse(Resolution[MotionFit]):
     def significant(self, model: CoarseModel) -> NDArray[np.bool_]:
         """Joints whose model errs by more than noise and tolerance, shape (n,)."""
         return model.score.deviation > self.criterion.least * (1 + MOTION.noise_known)
+
+    def smaller(
+        self, model: CoarseModel, among: Collection[ChosenEffect] | None = None
+    ) -> Iterator[CoarseModel]:
+        for curve in filter(is_curve, model.layout.effects):
+            yield self.without(model, curve)
+        yield from super().smaller(model, among)
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
         curves = filter(is_curve, layout.effects)
@@ -143,8 +179,7 @@ class Coarse(Resolution[MotionFit]):
                 if s.gain < EFFORT.again * self._refused.get(s.effect, 0.0):
                     continue
                 self.say(f"trying: {EFFECTS[s.effect.effect].title}")
-                start = with_candidates(fit, [s])
-                other = self.fit(start.layout, start.x)
+                other = self.tried(with_candidates(fit, [s]))
                 if self.doubtful(other, fit.layout):
                     continue
                 self.remember(s.effect, s.gain, model, other)
@@ -154,8 +189,8 @@ class Coarse(Resolution[MotionFit]):
             above = 0.0 if joint is None else float(self.above(model)[joint])
             if joint is None or quiet or above < EFFORT.again * self._refused.get(joint, 0.0):
                 continue
-            if (plain := plain_model(self.context, fit, joint)) is not None:
-                other = self.pruned_of(self.fit(plain.layout, plain.x), model.layout)
+            if (plain := plain_model(self.context, fit, joint, self.banned)) is not None:
+                other = self.pruned_of(self.tried(plain), model.layout)
                 self.remember(joint, above, model, other)
                 if not self.doubtful(other, fit.layout):
                     yield joint, other
@@ -172,7 +207,7 @@ class Coarse(Resolution[MotionFit]):
         if not gone:
             return model
         smaller = without(model.layout, gone)
-        return self.fit(smaller, self.towards(model, x, smaller))
+        return self.tried(Known(smaller, self.towards(model, x, smaller)))
 
     def promising(self, model: CoarseModel, effect: ChosenEffect, gained: float) -> bool:
         """Whether an effect may lower J, by the decrease of the weighted squares that its score promises."""
@@ -214,7 +249,7 @@ class Coarse(Resolution[MotionFit]):
         needed = {(EFFECTS[e.effect].beside, e.joint): e for e in have - own}
         for effect in model.layout.effects:
             others = [ChosenEffect(name, effect.joint) for name in alternatives(effect.effect)]
-            others = [e for e in others if e not in have and self.own.can_have(e)]
+            others = [e for e in others if e not in have | self.banned and self.own.can_have(e)]
             if effect in own or effect.joint is None or is_curve(effect) or not others:
                 continue
             gone = {effect, needed.get((effect.effect, effect.joint), effect)}
@@ -224,8 +259,7 @@ class Coarse(Resolution[MotionFit]):
             mine = next((s.gain for s in ranked if s.effect == effect), 0.0)
             for s in [s for s in ranked if s.effect != effect and s.gain > EFFORT.close * mine]:
                 self.say(f"trying: {EFFECTS[s.effect.effect].title}")
-                at = with_candidates(there.fit, [s])
-                other = self.fit(at.layout, at.x)
+                other = self.tried(with_candidates(there.fit, [s]))
                 if not self.doubtful(other, model.layout):
                     yield effect.joint, other
         for name, law in EFFECTS.items():

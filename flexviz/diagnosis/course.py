@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from flexviz.diagnosis.candidates import without_curves
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.candidates import rows_without_curves, without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
+from flexviz.diagnosis.criterion import Gain, confidence, unexplained
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
@@ -14,14 +19,21 @@ from flexviz.diagnosis.search import Search, Tried
 from flexviz.diagnosis.so_far import BestModelTracker
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
-from flexviz.identification import Estimator
+from flexviz.estimation import Covariance
+from flexviz.identification import Estimate, Estimator
 from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext, Phases
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
+from flexviz.statistics import NORMAL_95
 from flexviz.wording import STAGE_SHARES, SearchStage
+
+LEAST_SURE = 0.5  # what is less likely right than wrong is not in the model
+
+
+Bools = NDArray[np.bool_]
 
 
 class Interrupted(Exception):
@@ -107,7 +119,11 @@ class Course:
 
     def searched(self) -> SearchEnd:
         """The end of the search at both resolutions."""
-        coarse, view = self.coarse_search(), self.view
+        return self.refined(self.coarse_search())
+
+    def refined(self, coarse: CoarseModel) -> SearchEnd:
+        """The end of the search at the fine resolution, from that at the coarse one."""
+        view = self.view
         plain = without_curves(coarse.fit)
         fine = self.fine.begin(plain.layout, plain.x, STEPS if plain.layout == coarse.layout else 0)
         end = SearchEnd(coarse, fine, at_noise=True)
@@ -126,7 +142,9 @@ class Course:
         for them.
         """
         view = self.view
-        return bool(view.significant(coarse).any()) and self.fine.errs(fine, view.noise, view.criterion.least)
+        return bool(view.significant(coarse).any()) and self.fine.errs(
+            fine, view.context.noise_floor, view.criterion.least
+        )
 
     def coarse_search(self) -> CoarseModel:
         """The end of the search at the coarse resolution."""
@@ -147,6 +165,65 @@ class Course:
         self.say(SearchStage.FOUND)
         return view.with_first_movements(view.with_rest_angles(end))
 
+    def gains(self, end: SearchEnd) -> dict[ChosenEffect, Gain]:
+        """What each effect of the final model gains given the others."""
+        return self.fine.gains(end.fine) if end.at_noise else self.view.gains(end.coarse)
+
+    def concluded(self, end: SearchEnd) -> tuple[SearchEnd, Estimate]:
+        """The end without effects for which there is no evidence, and the estimate of its model."""
+        while True:
+            if end.curves:
+                found = self.estimator.of_motion(end.coarse.fit)
+            else:
+                known = end.fine.fit if end.at_noise else end.coarse.fit
+                found = self.estimator.estimate(known.layout, known.x)
+            weak = self.doubtful(end, found)
+            if weak is None:
+                return end, found
+            self.view.banned = self.fine.banned = self.view.banned | {weak}
+            coarse = self.view.without(end.coarse, weak)
+            lost = Gain(end.coarse.score.total - coarse.score.total, np.zeros(self.own.n), 0.0, True)
+            self.trace.append(Tried("drop", (), (weak,), lost, True, self.view.name))
+            if not self.stopped:
+                coarse = Search(self.view, self.made, self.trace).run(coarse)
+            end = self.refined(self.view.with_rest_angles(coarse))
+
+    def without_curves(self, found: Estimate) -> Estimate:
+        """An estimate without the free curves beside which its parameters were estimated."""
+        kept, layout = rows_without_curves(found.layout), without_curves(found).layout
+        start = self.view.context.start(layout)
+
+        def stated(held: Sequence[Bools]) -> list[tuple[Covariance, Covariance]]:
+            pairs = found.stated([np.isin(np.arange(len(found.x)), kept[one]) for one in held])
+            return [(_cut(a, kept), _cut(b, kept)) for a, b in pairs]
+
+        return replace(
+            found, layout=layout, x=found.x[kept], at_bound=found.at_bound[kept], stated=stated,
+            prior=start.prior, start=start.x,
+        )  # fmt: skip
+
+    def doubtful(self, end: SearchEnd, found: Estimate) -> ChosenEffect | None:
+        """The effect for which there is least evidence.
+
+        None if all sizes differ from none at 95 %, and all effects are more likely right than wrong.
+        """
+        firm, (covariance, _) = self.view.firm(found.layout), found.covariances
+        gains, doubt = self.gains(end), dict[ChosenEffect, float]()
+        for effect, where in found.layout.effect_slices():
+            if effect in firm:
+                continue
+            sizes = [where.start + k for k in EFFECTS[effect.effect].size_at]
+            error = covariance.standard_errors[sizes] + 1e-300 * np.abs(found.x[sizes])
+            certain = float(np.max(np.abs(found.x[sizes]) / np.maximum(error, 1e-300), initial=0.0))
+            certain = certain if sizes else np.inf
+            need = gains.get(effect)
+            samples = (self.fine if end.at_noise else self.view).criterion.samples
+            left = 0.0 if end.at_noise or need is None else unexplained(need, samples, effect.joint)
+            sure = 1.0 if need is None else confidence(need.delta, left)
+            if certain < NORMAL_95 or sure < LEAST_SURE:
+                doubt[effect] = min(certain / NORMAL_95, sure / LEAST_SURE)
+        return min(doubt, key=lambda e: doubt[e], default=None)
+
     def made(self, model: CoarseModel) -> None:
         """A model is accepted."""
         self.best = model
@@ -156,3 +233,7 @@ class Course:
         """Where the search stopped."""
         plain = without_curves(coarse.fit)
         return SearchEnd(coarse, self.fine.begin(plain.layout, plain.x, 0), at_noise=False)
+
+
+def _cut(covariance: Covariance, kept: NDArray[np.intp]) -> Covariance:
+    return Covariance(covariance.matrix[np.ix_(kept, kept)], covariance.prior_share[kept])

@@ -81,18 +81,30 @@ class Criterion:
         """What an effect costs besides its parameters [nats]."""
         return float(np.log(max(self.choices, 1) / LIMITS.false_alarm))
 
-    @property
-    def of_refinement(self) -> float:
-        """What a law costs that is not the simplest of its family: it has to be clearly better [nats]."""
-        return -float(np.log(LIMITS.false_alarm))
-
     def cost(self, parameters: int, effects: int, places: int = 1) -> float:
         """Of effects with so many parameters together; `places`: where or when each may act [nats]."""
         return parameters * self.of_parameter + effects * self.of_effect + float(np.log(places))
 
-    def score(self, parts: Sequence[Residuals], cost: float, scale: Array | float = 1.0) -> Score:
-        """The score of a model from its residuals; `scale`, (n,): by which it scales the recorded torque."""
+    def score(
+        self,
+        parts: Sequence[Residuals],
+        cost: float,
+        scale: Array | float = 1.0,
+        cut: tuple[Array, Array] | None = None,
+    ) -> Score:
+        """The score of a model from its residuals.
+
+        Args:
+            parts: residuals of the fit groups, and of the validation groups if there are any.
+            cost: of parameters and effects [nats].
+            scale: shape (n,), by which the model scales the recorded torque.
+            cut: shares of the samples, (n,), whose recorded torque a model says not to have acted, and the
+                deviation with which those count: all of the torque's.
+        """
         all_of_it, held = (deviations(some, self.outlier) / scale for some in (parts, parts[-1:]))
+        if cut is not None:
+            share, spread = cut
+            all_of_it, held = (d ** (1 - share) * spread**share for d in (all_of_it, held))
         nats, held_nats = (self.nats(sigma) for sigma in (all_of_it, held))
         return Score(all_of_it, held, nats, held_nats, cost)
 
@@ -133,7 +145,7 @@ class Gain:
         delta: decrease of J [nats].
         by_joint: shape (n,), the part of each joint [nats].
         held_out: decrease of the held-out part of J, without costs [nats].
-        smaller: whether the move leaves the model with fewer parameters.
+        smaller: whether the move only drops a part.
     """
 
     delta: float
@@ -143,29 +155,52 @@ class Gain:
 
     @property
     def accepted(self) -> bool:
-        """Whether J falls, and the held-out error with it unless the move makes the model smaller."""
-        return self.delta > 0 and (self.smaller or self.held_out > -LIMITS.rounding)
+        """Whether J falls, and with it the held-out error, which may rise a little if a part is dropped."""
+        worse = -float(np.log(LIMITS.false_alarm)) if self.smaller else LIMITS.rounding
+        return self.delta > LIMITS.settled and self.held_out > -worse
 
     @property
     def why(self) -> str:
         """Why it is refused, in words; empty if it is accepted."""
         if self.accepted:
             return ""
-        return "it costs more than it gains" if self.delta <= 0 else "held-out groups are described less well"
+        return (
+            "it costs more than it gains"
+            if self.delta <= LIMITS.settled
+            else "held-out groups are described less well"
+        )
 
 
-def gain(before: Score, after: Score) -> Gain:
-    """What a move from one model to another gains: Δ = J(before) − J(after)."""
+def gain(before: Score, after: Score, smaller: bool = False) -> Gain:
+    """What a move from one model to another gains: Δ = J(before) − J(after).
+
+    `smaller`: it only drops a part.
+    """
     by_joint = before.by_joint - after.by_joint
     held = float((before.held_out_by_joint - after.held_out_by_joint).sum())
-    return Gain(before.total - after.total, by_joint, held, after.cost < before.cost)
+    return Gain(before.total - after.total, by_joint, held, smaller)
 
 
 def confidence(gained: float, left: float) -> float:
     """Probability that an effect is the right one, or tied with it, against "none of these".
 
-    The odds of "none of these" fall with what the effect gains beyond its cost [nats]; what no effect of the
-    library describes on its joint, `left` [nats], may stand in for it, the more likely the more it is.
+    The odds of "none of these" fall with what the effect gains beyond its cost [nats], and grow with what no
+    effect of the library describes there: `left`, its mean square relative to what the effect removes.
     """
     none = float(np.exp(-np.clip(gained / LIMITS.temperature, -30.0, 30.0)))
-    return 1 / (1 + none + max(LIMITS.false_alarm, LIMITS.doubt * left / max(gained, 1e-9)))
+    return 1 / (1 + none + LIMITS.least_doubt + LIMITS.doubt * left)
+
+
+def unexplained(need: Gain, samples: Array, joint: int | None) -> float:
+    """Mean square of what is left on a joint relative to what an effect removes there, by what it gains.
+
+    `samples`: shape (n,), independent ones of each joint; without a joint, of that where it gains most.
+    """
+    nats = need.by_joint / np.maximum(samples, 1.0)
+    j = int(np.argmax(nats)) if joint is None else joint
+    return float(1 / max(np.expm1(2 * nats[j]), 1e-9))
+
+
+def split(sure: float, rivals: Sequence[float]) -> float:
+    """The part of a family's confidence that belongs to the member found, by what its rivals gain [nats]."""
+    return sure / (1 + float(np.sum(np.exp(np.clip(rivals, -30.0, 0.0)))))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.course import Course, SearchEnd
-from flexviz.diagnosis.criterion import Gain, confidence
+from flexviz.diagnosis.criterion import Gain, confidence, split, unexplained
 from flexviz.diagnosis.elimination import by_weight
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Evidence, Finding, Step
@@ -94,10 +94,8 @@ def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
 def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Finding]:
     """One finding per added effect, in the order of the staircase."""
     view, n, last, found = course.view, course.own.n, stairs[-1], list[Finding]()
-    gains = course.fine.gains(end.fine) if end.at_noise else view.gains(end.coarse)
-    left = np.zeros(n) if end.at_noise else view.above(end.coarse) * view.significant(end.coarse)
-    for curve in end.curves:
-        left[curve.place.own_joint] += max(gains[curve].delta, 0.0)
+    gains = course.gains(end)
+    at = course.fine.criterion if end.at_noise else view.criterion
     # a band that allowed for missing effects would hide them
     band = (last.chance or last.covariance).matrix
     laws = laws_through_data(course.measurements, last.layout, last.x, band)
@@ -106,24 +104,29 @@ def findings(course: Course, end: SearchEnd, stairs: Sequence[Stair]) -> list[Fi
         effect = after.added
         assert effect is not None
         need = gains.get(effect, Gain(0.0, np.zeros(n), 0.0))
-        beside = float(left.max() if effect.joint is None else left[effect.joint])
-        tied = tuple(ties(view, end.coarse, effect, rivals(course.trace, effect)))
-        sure = 0.0 if is_curve(effect) else confidence(need.delta, beside)
+        left = 0.0 if end.at_noise else unexplained(need, at.samples, effect.joint)
+        near = rivals(course.trace, effect)
+        tied = tuple(ties(view, end.coarse, effect, list(near)))
+        sure = 0.0 if is_curve(effect) else confidence(need.delta, left)
         family = family_in(effect.effect, tied, sure)
-        several = len(family.members) if family is not None and family.tied else 1
         found.append(replace(
-            finding(effect, before, after, last, course.band), confidence=sure / several, family=family,
+            finding(effect, before, after, last, course.band),
+            confidence=split(sure, list(near.values())), family=family,
             inseparable_from=tied, gain=float(need.delta), absorbed=absorbed(before, after), share=share,
-            features=(float(need.delta), beside), law=laws.get(effect),
+            features=(float(need.delta), left), law=laws.get(effect),
         ))  # fmt: skip
     return found
 
 
-def rivals(trace: Sequence[Tried], effect: ChosenEffect) -> list[str]:
-    """Laws for which an effect was swapped without a clear gain or loss."""
-    close = LIMITS.temperature
-    swaps = (m for m in trace if m.kind == "swap" and abs(m.gain.delta) < close and effect in m.removed)
-    return [new.effect for move in swaps for new in move.added if new.joint == effect.joint]
+def rivals(trace: Sequence[Tried], effect: ChosenEffect) -> dict[str, float]:
+    """Laws for which an effect was exchanged without a clear loss, and what each gained [nats]."""
+    return {
+        new.effect: move.gain.delta
+        for move in trace
+        if move.kind == "swap" and effect in move.removed and abs(move.gain.delta) < LIMITS.temperature
+        for new in move.added
+        if new.joint == effect.joint
+    }
 
 
 def finding(

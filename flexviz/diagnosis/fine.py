@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import is_episode, with_effects
-from flexviz.diagnosis.criterion import Residuals, criterion_of
+from flexviz.diagnosis.criterion import Criterion, Residuals, criterion_of
 from flexviz.diagnosis.elimination import Linearised
 from flexviz.diagnosis.fit_context import STEPS, Fit, FitContext
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
@@ -34,6 +34,13 @@ class Fine(Resolution[Fit]):
     def __init__(self, context: FitContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context.measurements, own, say, many=False)
         self.context = context
+        self._criterion: Criterion | None = None
+
+    @property
+    def criterion(self) -> Criterion:
+        """Of the recording, by the model from which the search begins."""
+        assert self._criterion is not None, "the search has not begun"
+        return self._criterion
 
     def begin(self, layout: Layout, x: Array, iterations: int = STEPS) -> FineModel:
         """The model from which on J is measured."""
@@ -41,7 +48,7 @@ class Fine(Resolution[Fit]):
         bare = self.context.without_effects(fit)
         explained = np.mean(self.residuals(bare)[0].values ** 2, axis=0)
         least = (1 + MOTION.noise_known) * np.sqrt(1 + LIMITS.exactness**2 * explained)
-        self.criterion = criterion_of(self.residuals(fit), least, self.choices)
+        self._criterion = criterion_of(self.residuals(fit), least, self.choices)
         return self.model(fit)
 
     # -- fits

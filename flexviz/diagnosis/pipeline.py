@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.curves import fit_free_curve
-from flexviz.diagnosis.findings import Stair, effect_values, estimated, findings, stair_of, staircase, steps
+from flexviz.diagnosis.findings import Stair, effect_values, findings, stair_of, staircase, steps
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
@@ -24,7 +23,7 @@ from flexviz.diagnosis.seen_limits import limit_findings
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
-from flexviz.identification import link_side_checks, parameter_estimates
+from flexviz.identification import Estimate, link_side_checks, parameter_estimates
 from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
@@ -72,7 +71,10 @@ def diagnose(
         course.view.decoys = course.fine.decoys = decoys
         end = course.run()
         with stopped_by(never):
-            result = _Description(course, end, apply, guarded, free_curve is not False).result()
+            end, found = course.concluded(end)
+            if end.curves and free_curve is False:
+                found = course.without_curves(found)
+            result = _Description(course, end, found, apply, guarded).result()
         if apply and free_curve and not why_no_curve(result):
             course.searching = True
             try:
@@ -94,20 +96,21 @@ class _Description:
 
     Attributes:
         course, end: the search, and where it ended.
+        estimate: of the final model.
         apply: whether the result describes the model with what was found, or the set's own one.
         guarded: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
-        curves: whether the model ends with the free curves with which it was estimated.
     """
 
     course: Course
     end: SearchEnd
+    estimate: Estimate
     apply: bool
     guarded: bool | None
-    curves: bool
 
     def result(self) -> Diagnosis:
         """The result."""
-        course, end, final = self.course, self.end, self.final()
+        course, end = self.course, self.end
+        final = stair_of(course, self.estimate)
         course.tell(SearchStage.STAIRS)
         stairs = staircase(course, end, final)
         left = (
@@ -216,11 +219,3 @@ class _Description:
         self.course.tell(SearchStage.PLACE)
         ratio = end.coarse.score.deviation / view.criterion.least
         return unknown_place(self.course.fine.context, fit, lambda: None, [int(np.argmax(ratio))])
-
-    def final(self) -> Stair:
-        """The final model, as `identify` estimates it."""
-        end, course = self.end, self.course
-        if end.curves and self.curves:
-            return stair_of(course, course.estimator.of_motion(end.coarse.fit))
-        known = without_curves(end.coarse.fit) if end.curves or not end.at_noise else end.fine.fit
-        return estimated(course, known.layout, known.x)

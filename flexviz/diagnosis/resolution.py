@@ -16,7 +16,7 @@ from flexviz.diagnosis.elimination import Linearised, needs
 from flexviz.diagnosis.fit_context import Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, simplest
+from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, kin
 from flexviz.equation import Chain, Layout, OperatingPoint
 from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
 from flexviz.measurements import MeasurementSet
@@ -62,13 +62,13 @@ class Resolution(ABC, Generic[AnyFit]):
         many: whether effects are candidates that only show where many are missing.
 
     Attributes:
-        criterion: of the recording.
+        banned: effects for which there was no evidence; they are tried no more.
         decoys: whether candidates that cannot be right compete (`flexviz.effects.DECOYS`).
     """
 
     name: ClassVar[str]
-    criterion: Criterion
     decoys: bool = False
+    banned: frozenset[ChosenEffect] = frozenset()
 
     def __init__(
         self, measurements: MeasurementSet, own: Layout, say: Callable[[str], None], many: bool
@@ -95,13 +95,18 @@ class Resolution(ABC, Generic[AnyFit]):
             for e in candidates(layout, self.measurements.groups, self.many)
             if not (EFFECTS[e.effect].limits_torque and e.joint in seen)
         ]
-        return [*real, *(d for d in decoys if d not in have)]
+        return [e for e in (*real, *(d for d in decoys if d not in have)) if e not in self.banned]
 
     def check(self) -> None:
         """Raise if the search is to stop."""
         self.say("")
 
     # -- what a resolution supplies
+
+    @property
+    @abstractmethod
+    def criterion(self) -> Criterion:
+        """J of every model of the recording."""
 
     @property
     @abstractmethod
@@ -141,7 +146,8 @@ class Resolution(ABC, Generic[AnyFit]):
     def cost(self, layout: Layout) -> float:
         """Of a model's effects; free curves are priced by their fit [nats].
 
-        A torque offset that stands for a spring's rest angle is no effect of its own.
+        A law that is not the simplest of its family is one of several, among which it is chosen. A torque
+        offset that stands for a spring's rest angle is no effect of its own.
         """
         stand_ins = offsets_of_springs(layout) - set(self.own.effects)
         at_mean = {e.joint for e in offsets_of_springs(layout)}
@@ -153,7 +159,7 @@ class Resolution(ABC, Generic[AnyFit]):
             fixed = law.offset_parameter is not None and effect.joint in at_mean
             places = EFFORT.intervals if is_episode(effect) else 1
             total += self.criterion.cost(len(law.parameters) - fixed, effect not in stand_ins, places)
-            total += self.criterion.of_refinement * (simplest(effect.effect) != effect.effect)
+            total += float(np.log(kin(effect.effect)))
         return total
 
     def cost_of(self, effect: ChosenEffect) -> float:
@@ -175,7 +181,8 @@ class Resolution(ABC, Generic[AnyFit]):
     def doubtful(self, model: Model[AnyFit], known: Layout) -> list[ChosenEffect]:
         """Effects that a known model lacks and that are impossible, or not visible in the motion."""
         new = [e for e in model.layout.effects if e not in known.effects and not is_curve(e)]
-        return [e for e in new if not credible(model.fit, e, self.raw_step)]
+        quiet = ~self.loud(model)
+        return [e for e in new if not credible(model.fit, e, self.raw_step, bool(np.all(quiet[e.joint])))]
 
     # -- candidates
 

@@ -107,6 +107,8 @@ class Search(Generic[Model]):
         best: dict[Hashable, Model] = {}
         refused: dict[Hashable, tuple[Gain, Model]] = {}
         for place, other in self.problem.stages[kind](model):
+            if self.problem.parts(other) == self.problem.parts(model):
+                continue
             found = self.gain(model, other)
             if found.accepted and (place not in best or self.gain(best[place], other).delta > 0):
                 best[place] = other
@@ -136,7 +138,8 @@ class Search(Generic[Model]):
 
     def gain(self, before: Model, after: Model) -> Gain:
         """What a move gains."""
-        return gain(self.problem.score(before), self.problem.score(after))
+        smaller = self.problem.parts(after) < self.problem.parts(before)
+        return gain(self.problem.score(before), self.problem.score(after), smaller)
 
     def told(self, kind: str, before: Model, after: Model, accepted: bool) -> bool:
         """Keep a move in the trace; returns whether it is made."""

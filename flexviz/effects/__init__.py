@@ -12,8 +12,8 @@ from flexviz.effects.names import (
     EFFECT_NAMES,
     family_of,
     is_user_defined,
+    kin,
     known_names,
-    simplest,
 )
 from flexviz.effects.registry import EFFECTS
 from flexviz.effects.selection import ChosenEffect, choose_effects, everywhere, named_effect
@@ -66,12 +66,12 @@ __all__ = [
     "forget_effects",
     "free_curve",
     "is_user_defined",
+    "kin",
     "known_names",
     "load_effects",
     "loaded_files",
     "named_effect",
     "neighbour",
     "simple_form",
-    "simplest",
     "smooth_sign",
 ]

@@ -33,6 +33,7 @@ class EffectEvidence:
         viscous: viscous friction of the effect's joint, motor and link side together [Nm s/rad].
         top_speed: largest velocity of the effect's joint in either direction [rad/s].
         travel: range of the effect's joint [rad].
+        explained: whether the model leaves nothing that counts on the effect's joint.
     """
 
     torque: Array
@@ -40,6 +41,7 @@ class EffectEvidence:
     viscous: float = np.inf
     top_speed: float = np.inf
     travel: float = np.inf
+    explained: bool = False
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ def family_of(effect: str) -> str | None:
     return _FAMILY_OF.get(effect)
 
 
-def simplest(effect: str) -> str:
-    """The simplest effect of the same family; the effect itself if it belongs to none."""
+def kin(effect: str) -> int:
+    """How many laws an effect is chosen from: its family, or 1 for the simplest of one and for others."""
     family = _FAMILY_OF.get(effect)
-    return effect if family is None else EFFECT_FAMILIES[family][0]
+    return 1 if family is None or EFFECT_FAMILIES[family][0] == effect else len(EFFECT_FAMILIES[family])

@@ -27,9 +27,9 @@ class Ripple(LawEffect):
         return amplitude * sine, np.stack((sine, amplitude * motion.position * cosine, amplitude * cosine))
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        """Not with less than two periods in the motion: that is a smooth law of the position."""
+        """With two periods in the motion: fewer resemble any law of the position, unless nothing is left."""
         periods = values[1] * evidence.travel / (2 * np.pi)
-        return super().credible(values, evidence) and periods >= LEAST_PERIODS
+        return super().credible(values, evidence) and (periods >= LEAST_PERIODS or evidence.explained)
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         joint = place.own_joint

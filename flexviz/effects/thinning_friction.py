@@ -34,15 +34,16 @@ class ThinningFriction(LawEffect):
     )
     parameters = (
         ParameterSpec("thinning", "Nm", 0.0, explanation="scale of the torque", symbol="f_t"),
-        ParameterSpec("velocity", "rad/s", 0.02, 3.0, "speed from which it bends", "v_t"),
+        ParameterSpec("velocity", "rad/s", 1e-5, 3.0, "speed from which it bends", "v_t"),
     )
     smooth = True
     twins = ("stribeck_friction",)
+    instead_of = "coulomb_friction"
     only_among_many = True
-    grid: ClassVar = {"velocity": (0.03, 0.08, 0.2, 0.5)}
+    grid: ClassVar = {"velocity": (0.003, 0.03, 0.08, 0.2, 0.5)}
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
-        size, width = values[0], max(values[1], 1e-3)
+        size, width = values[0], max(values[1], 1e-6)
         ratio = motion.velocity / width
         curve = np.arcsinh(ratio)
         return size * curve, np.stack((curve, -size * ratio / width / np.sqrt(1 + ratio**2)))

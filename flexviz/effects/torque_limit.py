@@ -35,6 +35,7 @@ class TorqueLimit(Effect):
     )
     parameters = (ParameterSpec("limit", "Nm", 0.0, explanation="largest torque; 0: none", symbol="L"),)
     limits_torque = True
+    size_at = ()
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         limit = float(values[0])

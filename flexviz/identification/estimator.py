@@ -136,8 +136,7 @@ class Estimator:
         context = self.context
         parts = [Residuals(r, u, ()) for r, u in zip(fit.residuals, context.used, strict=True)]
         sigma = deviations(parts, MOTION.outlier) / torque_scale(fit.layout, fit.x)
-        noise = (1 + MOTION.noise_known) * context.noise_floor
-        return sigma, np.maximum(noise, MOTION.tolerance * context.spread)
+        return sigma, context.least
 
     def refined(
         self,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import EFFECTS
 from flexviz.equation import (
     Chain,
     Equation,
@@ -25,6 +26,7 @@ from flexviz.equation import (
     Signals,
     build_signals,
     layout_of,
+    pulses,
 )
 from flexviz.errors import InputError
 from flexviz.estimation import (
@@ -182,6 +184,26 @@ class MotionFit:
             for point in (self.point, *self._held_out())
         ]
 
+    def unknown(self) -> list[Array | None]:
+        """Variance of the torque that the model does not know, of each part, shape (N, n) [Nm²]; None: zero.
+
+        While a gap is crossed, the torque depends on details that nobody knows.
+        """
+        gaps = [e for e in self.layout.effects if EFFECTS[e.effect].where == "joint"]
+        if not (gaps and self.layout.has_reversals):
+            return [None] * len(self.context.parts)
+        return list(map(self._unknown, (self.point, *self._held_out())))
+
+    def _unknown(self, point: OperatingPoint) -> Array:
+        variance = np.zeros((point.signals.count, self.layout.n))
+        for part in pulses(point, self.x, point.link_terms(self.x)):
+            begin = point.signals.blocks[part.block].rows.start
+            for group in part.groups:
+                first = max(group.first, part.rows.start)
+                squares = np.sum(group.columns[first - group.first :] ** 2, axis=2)
+                variance[begin + first : begin + first + len(squares)] += squares
+        return variance
+
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
         prior = self.context.start(smaller).prior
@@ -227,6 +249,10 @@ class MotionContext:
         variance = residual_noise(self.signals, model, self._start.x, rigid.link, noise)
         self.noise_floor: Array = np.sqrt(variance)
         self.spread: Array = np.std(self.signals.tau[0], axis=0)
+        # shape (n,), the error that counts: more than noise, and than laws leave that are right [Nm]
+        self.least: Array = np.maximum(
+            (1 + MOTION.noise_known) * self.noise_floor, MOTION.tolerance * self.spread
+        )
 
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
         duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
@@ -311,7 +337,7 @@ class MotionProblem:
         self.check()
         context, point = self.context, self.equation.at(x, before and before.point)
         now = point.evaluate(x, moving=True, near=True)
-        weights, misfit = robust_weights(now.residual, context.noise_floor, context.used[0])
+        weights, misfit = robust_weights(now.residual, context.least, context.used[0])
         fit = MotionFit(
             context, point.layout, x, point, now.residual, now.torque[0].copy(), now.link, weights,
             np.zeros(len(x), bool), misfit + 2 * self.prior.value(x),
@@ -322,7 +348,7 @@ class MotionProblem:
     def lower(self, x: Array, before: MotionFit) -> MotionFit | None:
         """The same if the objective is lower at the operating point of another."""
         context = self.context
-        misfit = robust_weights(before.point.residual(x), context.noise_floor, context.used[0])[1]
+        misfit = robust_weights(before.point.residual(x), context.least, context.used[0])[1]
         return self.at(x, before) if misfit + 2 * self.prior.value(x) < before.objective else None
 
     def normal_equations(self, place: MotionFit) -> NormalEquations:

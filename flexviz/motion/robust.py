@@ -10,6 +10,8 @@ import numpy as np
 from flexviz.arrays import Array, Bools
 from flexviz.motion.thresholds import MOTION
 
+PASSES = 4  # in which outliers and unknown torques are told from the rest
+
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
@@ -19,19 +21,31 @@ class Residuals:
         values: shape (N, n).
         used: shape (N, n), samples that count.
         blocks: contiguous samples.
+        unknown: shape (N, n), variance that the model states for them beside its own error; None: zero.
     """
 
     values: Array
     used: Bools
     blocks: Sequence[slice]
+    unknown: Array | None = None
+
+    def weights(self, sigma: Array) -> Array | Bools:
+        """How much each sample says of a deviation σ, shape (n,): shape (N, n)."""
+        if self.unknown is None:
+            return self.used
+        finite = np.where(np.isfinite(sigma), sigma, 0.0) ** 2
+        return self.used * np.where(np.isfinite(sigma), finite / (finite + self.unknown + 1e-300), 1.0)
 
 
 def deviations(parts: Sequence[Residuals], outlier: float = np.inf) -> Array:
-    """Standard deviation of residuals with outliers clipped, shape (n,)."""
-    count = np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
-    limit = sigma = np.full(len(count), np.inf)
-    for _ in range(1 if np.isinf(outlier) else 4):
-        total = sum(np.sum(np.minimum(np.abs(p.values), limit) ** 2 * p.used, axis=0) for p in parts)
+    """Standard deviation of residuals with outliers clipped, shape (n,), beside what is unknown."""
+    n = parts[0].values.shape[1]
+    limit = sigma = np.full(n, np.inf)
+    for _ in range(1 if np.isinf(outlier) and all(p.unknown is None for p in parts) else PASSES):
+        weights = [p.weights(sigma) for p in parts]
+        count = np.maximum(sum(w.sum(axis=0) for w in weights), 1)
+        pairs = zip(parts, weights, strict=True)
+        total = sum(np.sum(np.minimum(np.abs(p.values), limit) ** 2 * w, axis=0) for p, w in pairs)
         sigma = np.sqrt(total / count) + 1e-300
         limit = outlier * sigma
     return sigma

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -40,13 +40,16 @@ def usual_model(context: MotionContext, own: Layout) -> Known:
     return _with_small(context, Known(own, bare.x), [ChosenEffect(n, j) for n in names for j in range(own.n)])
 
 
-def plain_model(context: MotionContext, fit: Fitted, joint: int) -> Known | None:
+def plain_model(
+    context: MotionContext, fit: Fitted, joint: int, banned: Collection[ChosenEffect] = ()
+) -> Known | None:
     """A model with all that a plain joint has: dry and load-dependent friction, offset, spring.
 
-    At small sizes; None if it lacks at most one of these.
+    At small sizes, without some that are banned; None if it lacks at most one of these.
     """
     names = [name for name, law in EFFECTS.items() if law.usual and law.beside is None]
-    larger = _with_small(context, fit, [ChosenEffect(name, joint) for name in names])
+    plain = [e for e in (ChosenEffect(name, joint) for name in names) if e not in banned]
+    larger = _with_small(context, fit, plain)
     return larger if len(larger.layout.effects) > len(fit.layout.effects) + 1 else None
 
 
