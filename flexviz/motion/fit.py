@@ -148,12 +148,20 @@ class MotionFit:
         measured = self.context.start(self.layout).prior.measured(self.x)
         (whitened, jacobian), hessian = self.whitened, self.prior_derivatives[1]
         chance = spectral_covariance(whitened, jacobian, rows, hessian, held, measured)
-        floor = np.mean((self.context.noise_floor * self.weights) ** 2, axis=0)
-        excess = np.maximum(np.mean(whitened**2, axis=0) - floor, 0.0)
-        flat = jacobian.reshape(-1, self.layout.size)
-        fit = FittedModel(self.point, self.chain, self.weigh, whitened.ravel(), flat, hessian, held)
-        (stated,) = with_model_error([chance], [fit], excess)
+        (stated,) = with_model_error([chance], [self.fitted_model(held)], self.excess)
         return stated, chance
+
+    @property
+    def excess(self) -> Array:
+        """Mean square of each joint's weighted residual above that of the noise, shape (n,)."""
+        floor = np.mean((self.context.noise_floor * self.weights) ** 2, axis=0)
+        return np.maximum(np.mean(self.whitened[0] ** 2, axis=0) - floor, 0.0)
+
+    def fitted_model(self, held: Bools) -> FittedModel:
+        """What the fit knows of model and data, with some parameters held, (P,)."""
+        whitened, jacobian = self.whitened
+        flat, hessian = jacobian.reshape(-1, self.layout.size), self.prior_derivatives[1]
+        return FittedModel(self.point, self.chain, self.weigh, whitened.ravel(), flat, hessian, held)
 
     @property
     def held(self) -> NDArray[np.bool_]:
