@@ -184,7 +184,7 @@ class MotionFit:
         ]
 
     def unknown(self) -> list[Array | None]:
-        """Variance of the torque that the model does not know, of each part, shape (N, n) [Nm²]; None: zero."""
+        """Variance of the torque that the model does not know, of each part, (N, n) [Nm²]; None: zero."""
         return [unknown_variance(point, self.x) for point in (self.point, *self._held_out())]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
