@@ -106,9 +106,9 @@ def test_the_best_model_so_far_is_told_early_and_kept_by_a_stop(diagnosed_demo: 
         f"so far: {re.escape(friction)} validation error ([\\d.]+) % → ([\\d.]+) % of the torque \\(.*Nm\\)",
         fitted,
     )
-    assert found and own.startswith(
-        f"so far: validation error of the present model {found[1]} % of the torque ("
-    )
+    present = re.match(r"so far: validation error of the present model ([\d.]+) % of the torque \(", own)
+    # standstill is set apart in between, so that fewer samples count
+    assert found and present and float(present[1]) == pytest.approx(float(found[1]), rel=0.05)
     # the error is the one that the finished diagnosis states
     for share, step in zip(found.groups(), diagnosed_demo.steps, strict=True):
         assert step.rms_validation is not None

@@ -93,10 +93,11 @@ def test_cases_are_many_and_different() -> None:
     assert sum(count["pair", planar] for planar in (True, False)) >= 40
     assert sum(count["clean", planar] for planar in (True, False)) >= 150
     assert sum(count["unknown", planar] for planar in (True, False)) >= 64
-    # two have studies of their own: these sets state no temperatures
+    # three have studies of their own: these sets state no temperatures, and their torques are not clipped
     tried = {name for name in LAWS if not EFFECTS[name].only_among_many} - {
         "temperature_friction",
         "driving_friction",
+        "torque_limit",
     }
     assert {case.effects[0] for case in every if case.kind == "single"} == tried == set(SIZES)
     assert {case.extra_law for case in every if case.extra_law} == set(EXTRA_LAWS) and len(EXTRA_LAWS) >= 5

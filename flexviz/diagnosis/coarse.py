@@ -58,7 +58,7 @@ class Coarse(Resolution[MotionFit]):
         fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
         least, parts = self.context.least, self.residuals(fit)
         self._criterion = criterion_of(parts, least, self.choices, MOTION.outlier)
-        count = sum(part.used.sum(axis=0) for part in parts)
+        count = np.sum([part.used.sum(axis=0) for part in parts], axis=0)
         # an objective is twice a sum over samples, of which few are independent
         self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
         return self.model(fit)
@@ -278,55 +278,8 @@ class Coarse(Resolution[MotionFit]):
         x[layout.effect_slice(new)] = law.merged(values)
         return self.fit(layout, x)
 
-    # -- first movements after a standstill
-
     def gains(self, model: CoarseModel) -> dict[ChosenEffect, Gain]:
         return super().gains(model) | self.in_start
-
-    def with_first_movements(self, model: CoarseModel) -> CoarseModel:
-        """The model with effects of the first movement after a standstill, which then counts.
-
-        What happens a few times in a record is an outlier to the search: here those movements alone count,
-        in units of what the model leaves in motion.
-        """
-        context, before = self.context, self.context.first_phase
-        if not np.any(before == Phase.MOTION):
-            return model
-        context.first_phase = np.minimum(before, np.int8(Phase.START))
-        there = self.fit(model.layout, model.fit.x, iterations=0)
-        wanted = candidates(there.layout, self.measurements.groups, self.many)
-        starts = [
-            e for e in wanted if EFFECTS[e.effect].after_rest and before[e.place.own_joint] == Phase.MOTION
-        ]
-        scored = self.scores(there.fit, starts)
-        start = with_candidates(there.fit, scored)
-        larger = self.fit(start.layout, start.x)
-        sigma = model.score.deviation
-        gains = {s.effect: self.gain_in_start(there, larger, s.effect, sigma) for s in scored}
-        kept = [s for s in scored if gains[s.effect].accepted]
-        self.in_start = {s.effect: gains[s.effect] for s in kept}
-        joints = [s.effect.place.own_joint for s in kept]
-        context.first_phase = np.where(np.isin(np.arange(self.own.n), joints), context.first_phase, before)
-        if not kept:
-            return model
-        start = with_candidates(there.fit, kept)
-        return self.fit(start.layout, start.x)
-
-    def gain_in_start(
-        self, before: CoarseModel, after: CoarseModel, effect: ChosenEffect, sigma: Array
-    ) -> Gain:
-        """What a larger model gains in the first movements of a joint, in units of what is left in motion."""
-        joint, falls = effect.place.own_joint, []
-        count = sum(part.used.sum(axis=0) for part in self.residuals(before.fit))
-        for old, new, phase in zip(
-            self.residuals(before.fit), self.residuals(after.fit), self.context.phases, strict=True
-        ):
-            here = phase[:, joint] == Phase.START
-            squares = old.values[here, joint] ** 2 - new.values[here, joint] ** 2
-            falls.append(0.5 * float(squares.sum()) / sigma[joint] ** 2)
-        nats = sum(falls) * float(self.criterion.samples[joint] / count[joint])
-        by_joint = np.where(np.arange(self.own.n) == joint, nats, 0.0)
-        return Gain(nats - self.cost_of(effect), by_joint, falls[-1])
 
     # -- unknown laws
 

@@ -13,6 +13,7 @@ from flexviz.diagnosis.candidates import rows_without_curves, without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import Gain, confidence, unexplained
 from flexviz.diagnosis.fine import Fine, FineModel
+from flexviz.diagnosis.first_movements import with_first_movements
 from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search, Tried
@@ -163,7 +164,7 @@ class Course:
         self.say(SearchStage.SEARCH)
         end = Search(view, self.made, self.trace).run(bare)
         self.say(SearchStage.FOUND)
-        return view.with_first_movements(view.with_rest_angles(end))
+        return with_first_movements(view, view.with_rest_angles(end))
 
     def gains(self, end: SearchEnd) -> dict[ChosenEffect, Gain]:
         """What each effect of the final model gains given the others."""

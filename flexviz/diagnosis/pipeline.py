@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, findings, stair_of, staircase, steps
 from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.limit import detection_limit
 from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
@@ -28,7 +29,7 @@ from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text,
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
-from flexviz.records import Decoys, Move, Note, Verdict
+from flexviz.records import Decoys, DetectionLimit, Move, Note, Verdict
 from flexviz.wording import SearchStage, listed
 
 Array = NDArray[np.float64]
@@ -156,10 +157,11 @@ class _Description:
         )
         links = layout.inertial
         return Diagnosis(
-            set_name=course.measurements.name, verdict="missing" if found else made[0].verdict,
+            set_name=course.measurements.name, verdict=self.verdict(made[0].verdict, found),
             findings=tuple(found), where=where,
             steps=tuple(made), effects=effect_values(shown), parameters=parameters,
             seconds=time.perf_counter() - course.began, stopped=course.stopped,
+            limit=self.limit(shown, made[-1].verdict),
             notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,
             free_curve=curve, guard=guard, torque_spread=course.measurements.torque_spread,
             trace=tuple(map(self.told, course.trace)),
@@ -169,6 +171,17 @@ class _Description:
                 shown.covariance.matrix[links, links], parameters[layout.compliance],
             ),
         )  # fmt: skip
+
+    def verdict(self, first: Verdict, found: Sequence[Finding]) -> Verdict:
+        """On the set's own model."""
+        if found:
+            return "missing"
+        return "not-searched" if self.course.stopped and not self.course.trace else first
+
+    def limit(self, shown: Stair, verdict: Verdict) -> DetectionLimit | None:
+        """Down to what nothing is missing; None if something is, or was not looked for."""
+        found = verdict == "nothing-missing" and not self.course.stopped
+        return detection_limit(self.course.view.context, shown.errors.stated) if found else None
 
     def drowned(self, shown: Stair) -> list[str]:
         """Joints whose noise, as it is estimated, is larger than their torque: any residual looks like it."""

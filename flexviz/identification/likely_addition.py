@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from flexviz.arrays import Array
-from flexviz.equation import Equation
-from flexviz.estimation import gauss_newton, start_values
+from flexviz.equation import Equation, Layout
+from flexviz.estimation import ScoredCandidate, gauss_newton, start_values
 from flexviz.identification.plain_fit import PlainFit
 from flexviz.measurements import MeasurementSet
+from flexviz.motion import MotionFit
 
 STEPS = 10  # of the solver
 
@@ -28,10 +31,7 @@ def likely_move(measurements: MeasurementSet, plain: PlainFit) -> Array:
     telling = [one for one in (plain.fitted.most_telling() if loud else ()) if one.effect.joint in loud]
     if not telling:
         return none
-    larger = layout.with_effects((*layout.effects, *(one.effect for one in telling)))
-    x = larger.vector(layout.model(solution.x))
-    for one in telling:
-        x[larger.effect_slice(one.effect)] = one.values
+    larger, x = _with_telling(layout, solution.x, telling)
     equation = Equation(measurements.robot, plain.equation.signals, larger)
     start = start_values(measurements, equation)
     x = start.bounds.clip(x)
@@ -39,3 +39,26 @@ def likely_move(measurements: MeasurementSet, plain: PlainFit) -> Array:
     if end.evaluation.residual.var(axis=0).prod() >= solution.evaluation.residual.var(axis=0).prod():
         return none
     return layout.vector(larger.model(end.x)) - solution.x
+
+
+def likely_move_in_motion(fit: MotionFit, check: Callable[[], None]) -> Array:
+    """The same of a fit in the band of the motion, in which each joint is weighted by what the model leaves.
+
+    `check` may raise to stop.
+    """
+    layout, loud = fit.layout, set(np.flatnonzero(fit.excess).tolist())
+    telling = [one for one in fit.fitted_model(fit.held).most_telling() if one.effect.joint in loud]
+    if not telling:
+        return np.zeros(layout.size)
+    larger, x = _with_telling(layout, fit.x, telling)
+    end = fit.context.fit(larger, x, iterations=STEPS, check=check)
+    return layout.vector(larger.model(end.x)) - fit.x if end.objective < fit.objective else 0.0 * fit.x
+
+
+def _with_telling(layout: Layout, x: Array, telling: Sequence[ScoredCandidate]) -> tuple[Layout, Array]:
+    """A model with further effects at their scored values, and its parameters, from x, shape (P,)."""
+    larger = layout.with_effects((*layout.effects, *(one.effect for one in telling)))
+    start = larger.vector(layout.model(x))
+    for one in telling:
+        start[larger.effect_slice(one.effect)] = one.values
+    return larger, start

@@ -23,7 +23,7 @@ from flexviz.identification.failure import (
     unrest_of,
     why_not,
 )
-from flexviz.identification.likely_addition import likely_move
+from flexviz.identification.likely_addition import likely_move, likely_move_in_motion
 from flexviz.identification.link_side_check import link_side_checks
 from flexviz.identification.messages import holds_text, left_out_text
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
@@ -35,7 +35,7 @@ from flexviz.identification.summary import combinations, condition_number, param
 from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
 from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, silent_joints
 from flexviz.model import FlexibleModel
-from flexviz.motion import Phases
+from flexviz.motion import MotionFit, Phases
 from flexviz.noise import check_signals, segments_noise
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.records import ResidualSummary
@@ -87,7 +87,10 @@ def identify(
             outcome = _estimated_outcome(measurements, fitted, plain, outcome, report)
         if model is None and not report.stopped and not outcome.explained:
             with suppress(Stopped):
-                move = likely_move(measurements, plain)
+                if outcome.in_motion is None:
+                    move = likely_move(measurements, plain)
+                else:
+                    move = likely_move_in_motion(outcome.in_motion, report.watch)
         report.stage = "intervals"
         known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
         if report.stopped:
@@ -133,6 +136,7 @@ class _Outcome:
         unrest: what keeps the fit from converging.
         given: the values were not fitted.
         explained: noise explains what the refinement leaves.
+        in_motion: the fit in the band of the motion, if it is that.
         first_phase: shape (n,), first phase of each joint's motion that counts; None: all do.
     """
 
@@ -146,6 +150,7 @@ class _Outcome:
     unrest: Unrest | None = None
     given: bool = False
     explained: bool = False
+    in_motion: MotionFit | None = None
     first_phase: Phases | None = None
 
 
@@ -165,11 +170,11 @@ def _estimated_outcome(
 ) -> _Outcome:
     """The estimator's result; the plain one where it is stopped."""
     report.stage = "refine"
+    estimator = Estimator(measurements, groups)
     try:
         report.check()
-        found = Estimator(measurements, groups).estimate(
-            report.layout, outcome.x, check=report.watch, report=report
-        )
+        found = estimator.estimate(report.layout, outcome.x, check=report.watch, report=report)
+        of_motion = None if found.refined else estimator.context.fit(report.layout, found.x, iterations=0)
     except Stopped:
         return outcome
     x = found.x
@@ -177,7 +182,7 @@ def _estimated_outcome(
     return replace(
         outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=found.stated,
         message=found.message, converged=True, refined=True, unrest=None,
-        explained=found.at_noise or not found.refined, first_phase=found.first_phase,
+        explained=found.at_noise, in_motion=of_motion, first_phase=found.first_phase,
     )  # fmt: skip
 
 

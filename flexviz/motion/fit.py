@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS
 from flexviz.equation import (
     Chain,
     Equation,
@@ -26,7 +25,6 @@ from flexviz.equation import (
     Signals,
     build_signals,
     layout_of,
-    pulses,
 )
 from flexviz.errors import InputError
 from flexviz.estimation import (
@@ -49,6 +47,7 @@ from flexviz.motion.robust import robust_weights
 from flexviz.motion.samples import Phase, Phases, phases
 from flexviz.motion.start import firm_start
 from flexviz.motion.thresholds import MOTION
+from flexviz.motion.unknown import unknown_variance
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.recent import Recent
@@ -148,12 +147,20 @@ class MotionFit:
         measured = self.context.start(self.layout).prior.measured(self.x)
         (whitened, jacobian), hessian = self.whitened, self.prior_derivatives[1]
         chance = spectral_covariance(whitened, jacobian, rows, hessian, held, measured)
-        floor = np.mean((self.context.noise_floor * self.weights) ** 2, axis=0)
-        excess = np.maximum(np.mean(whitened**2, axis=0) - floor, 0.0)
-        flat = jacobian.reshape(-1, self.layout.size)
-        fit = FittedModel(self.point, self.chain, self.weigh, whitened.ravel(), flat, hessian, held)
-        (stated,) = with_model_error([chance], [fit], excess)
+        (stated,) = with_model_error([chance], [self.fitted_model(held)], self.excess)
         return stated, chance
+
+    @property
+    def excess(self) -> Array:
+        """Mean square of each joint's weighted residual above that of the noise, shape (n,)."""
+        floor = np.mean((self.context.noise_floor * self.weights) ** 2, axis=0)
+        return np.maximum(np.mean(self.whitened[0] ** 2, axis=0) - floor, 0.0)
+
+    def fitted_model(self, held: Bools) -> FittedModel:
+        """What the fit knows of model and data, with some parameters held, (P,)."""
+        whitened, jacobian = self.whitened
+        flat, hessian = jacobian.reshape(-1, self.layout.size), self.prior_derivatives[1]
+        return FittedModel(self.point, self.chain, self.weigh, whitened.ravel(), flat, hessian, held)
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -177,24 +184,8 @@ class MotionFit:
         ]
 
     def unknown(self) -> list[Array | None]:
-        """Variance of the torque that the model does not know, of each part, shape (N, n) [Nm²]; None: zero.
-
-        While a gap is crossed, the torque depends on details that nobody knows.
-        """
-        gaps = [e for e in self.layout.effects if EFFECTS[e.effect].where == "joint"]
-        if not (gaps and self.layout.has_reversals):
-            return [None] * len(self.context.parts)
-        return list(map(self._unknown, (self.point, *self._held_out())))
-
-    def _unknown(self, point: OperatingPoint) -> Array:
-        variance = np.zeros((point.signals.count, self.layout.n))
-        for part in pulses(point, self.x, point.link_terms(self.x)):
-            begin = point.signals.blocks[part.block].rows.start
-            for group in part.groups:
-                first = max(group.first, part.rows.start)
-                squares = np.sum(group.columns[first - group.first :] ** 2, axis=2)
-                variance[begin + first : begin + first + len(squares)] += squares
-        return variance
+        """Variance of the torque that the model does not know, of each part, (N, n) [Nm²]; None: zero."""
+        return [unknown_variance(point, self.x) for point in (self.point, *self._held_out())]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
