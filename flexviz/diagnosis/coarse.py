@@ -58,7 +58,7 @@ class Coarse(Resolution[MotionFit]):
         fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
         least, parts = self.context.least, self.residuals(fit)
         self._criterion = criterion_of(parts, least, self.choices, MOTION.outlier)
-        count = sum(part.used.sum(axis=0) for part in parts)
+        count = np.sum([part.used.sum(axis=0) for part in parts], axis=0)
         # an objective is twice a sum over samples, of which few are independent
         self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
         return self.model(fit)

@@ -47,7 +47,7 @@ def gain_in_start(
 ) -> Gain:
     """What a larger model gains in the first movements of a joint, in units of what is left in motion."""
     joint, falls = effect.place.own_joint, []
-    count = sum(part.used.sum(axis=0) for part in view.residuals(before.fit))
+    count = np.sum([part.used.sum(axis=0) for part in view.residuals(before.fit)], axis=0)
     for old, new, phase in zip(
         view.residuals(before.fit), view.residuals(after.fit), view.context.phases, strict=True
     ):
