@@ -35,14 +35,14 @@ def test_effects_on_late_joints_of_a_simulated_arm(tmp_path: Path) -> None:
 
 
 def test_late_joints_of_a_recorded_arm(tmp_path: Path) -> None:
-    """Five seconds of a UR10, whose model lacks friction: that of late joints is found, their error falls."""
+    """Ten seconds of a UR10, whose model lacks friction: that of late joints is found, their error falls."""
     if not (REAL / "ur10").is_dir():
         pytest.skip("the recording is not part of the project")
     for file in (REAL / "ur10").iterdir():
         if file.suffix == ".parquet":
             table = papq.read_table(file)
             time = table["time"].to_numpy()
-            papq.write_table(table.slice(0, int(np.sum(time < time[0] + 5.0))), tmp_path / file.name)
+            papq.write_table(table.slice(0, int(np.sum(time < time[0] + 10.0))), tmp_path / file.name)
         else:
             shutil.copyfile(file, tmp_path / file.name)
     measurements = read_set(tmp_path)
