@@ -42,6 +42,9 @@ class Coarse(Resolution[MotionFit]):
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
         self._criterion: Criterion | None = None
+        self._swapped = set[
+            tuple[frozenset[ChosenEffect], ChosenEffect, ChosenEffect]
+        ]()  # rivals tried
         self._refused = dict[Hashable, float]()  # candidates and joints, and what they promised
         self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
 
@@ -61,6 +64,7 @@ class Coarse(Resolution[MotionFit]):
         count = np.sum([part.used.sum(axis=0) for part in parts], axis=0)
         # an objective is twice a sum over samples, of which few are independent
         self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
+        self.independent = self._criterion.samples / np.maximum(count, 1)  # share of the samples, (n,)
         return self.model(fit)
 
     @property
@@ -213,8 +217,7 @@ class Coarse(Resolution[MotionFit]):
         """Whether an effect may lower J, by the decrease of the weighted squares that its score promises."""
         if EFFECTS[effect.effect].underrated:
             return True
-        count = sum(part.used.sum(axis=0) for part in self.residuals(model.fit))
-        share = (self.criterion.samples / count)[slice(None) if effect.joint is None else effect.joint]
+        share = self.independent[slice(None) if effect.joint is None else effect.joint]
         return EFFORT.reach * 0.5 * gained * float(np.max(share)) > self.cost_of(effect)
 
     def united(self, model: CoarseModel, others: list[CoarseModel]) -> CoarseModel:
@@ -253,6 +256,11 @@ class Coarse(Resolution[MotionFit]):
             if effect in own or effect.joint is None or is_curve(effect) or not others:
                 continue
             gone = {effect, needed.get((effect.effect, effect.joint), effect)}
+            here = frozenset(e for e in have if e.joint == effect.joint)
+            others = [e for e in others if (here, effect, e) not in self._swapped]
+            self._swapped.update((here, effect, e) for e in others)
+            if not others:
+                continue
             start = without_effects(model.fit, gone)
             there = self.fit(start.layout, start.x, iterations=0)
             ranked = self.scores(there.fit, [effect, *others])

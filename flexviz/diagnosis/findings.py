@@ -80,7 +80,7 @@ def staircase(course: Course, end: SearchEnd, last: Stair) -> list[Stair]:
         layout = own.with_effects((*own.effects, *(e for e, _ in order[:count])))
         start = fit.towards(order[count][1], layout)
         found = view.context.fit(layout, start)
-        covariance, _ = found.covariances(found.at_bound)
+        covariance = found.chance(found.at_bound)
         errors = course.band.errors(found, view.context.first_phase)
         return Stair(effects[count], layout, found.x, covariance, errors)
 

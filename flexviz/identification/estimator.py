@@ -31,7 +31,7 @@ from flexviz.identification.uncertainty import Stated
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.motion import MOTION, MotionContext, MotionFit, Phase, Phases, Residuals, deviations, usual_model
 
-FAR = 30.0  # times tolerance and noise, from which unknown torques at reversals do not explain an error
+FAR = 5.0  # times tolerance and noise, from which unknown torques at reversals do not explain an error
 TIGHT = 1e-3  # change of the objective that ends the last fit
 
 

@@ -47,7 +47,7 @@ from flexviz.motion.robust import robust_weights
 from flexviz.motion.samples import Phase, Phases, phases
 from flexviz.motion.start import firm_start
 from flexviz.motion.thresholds import MOTION
-from flexviz.motion.unknown import unknown_variance
+from flexviz.motion.unknown import has_gaps, unknown_variance
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.recent import Recent
@@ -142,11 +142,8 @@ class MotionFit:
 
         Chance is what the residual's own spectra say.
         """
-        held = at_bound & (np.arange(len(self.x)) >= self.layout.effect_start)
-        rows = [b.rows for b in self.context.signals.blocks]
-        measured = self.context.start(self.layout).prior.measured(self.x)
+        held, chance = self._held(at_bound), self.chance(at_bound)
         (whitened, jacobian), hessian = self.whitened, self.prior_derivatives[1]
-        chance = spectral_covariance(whitened, jacobian, rows, hessian, held, measured)
         (stated,) = with_model_error([chance], [self.fitted_model(held)], self.excess)
         return stated, chance
 
@@ -161,6 +158,16 @@ class MotionFit:
         whitened, jacobian = self.whitened
         flat, hessian = jacobian.reshape(-1, self.layout.size), self.prior_derivatives[1]
         return FittedModel(self.point, self.chain, self.weigh, whitened.ravel(), flat, hessian, held)
+
+    def chance(self, at_bound: Bools) -> Covariance:
+        """Of the parameters with some at a bound, (P,), by the residual's own spectra."""
+        rows = [b.rows for b in self.context.signals.blocks]
+        measured = self.context.start(self.layout).prior.measured(self.x)
+        hessian = self.prior_derivatives[1]
+        return spectral_covariance(*self.whitened, rows, hessian, self._held(at_bound), measured)
+
+    def _held(self, at_bound: Bools) -> Bools:
+        return at_bound & (np.arange(len(self.x)) >= self.layout.effect_start)
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -185,6 +192,8 @@ class MotionFit:
 
     def unknown(self) -> list[Array | None]:
         """Variance of the torque that the model does not know, of each part, (N, n) [Nm²]; None: zero."""
+        if not has_gaps(self.layout):
+            return [None] * len(self.context.parts)
         return [unknown_variance(point, self.x) for point in (self.point, *self._held_out())]
 
     def towards(self, x: Array, smaller: Layout) -> Array:

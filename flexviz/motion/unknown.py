@@ -6,18 +6,20 @@ import numpy as np
 
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS
-from flexviz.equation import OperatingPoint, pulses
+from flexviz.equation import Layout, OperatingPoint, pulses
 
 
-def unknown_variance(point: OperatingPoint, x: Array) -> Array | None:
-    """Its variance at the parameters x, (P,): shape (N, n) [Nm²]; None for a model without gaps.
+def has_gaps(layout: Layout) -> bool:
+    """Whether a joint of a model has a gap."""
+    return layout.has_reversals and any(EFFECTS[e.effect].where == "joint" for e in layout.effects)
+
+
+def unknown_variance(point: OperatingPoint, x: Array) -> Array:
+    """Its variance at the parameters x, (P,), of a model with gaps: shape (N, n) [Nm²].
 
     It depends on noise and on details of the crossing, which nobody knows.
     """
-    layout = point.layout
-    if not (layout.has_reversals and any(EFFECTS[e.effect].where == "joint" for e in layout.effects)):
-        return None
-    variance = np.zeros((point.signals.count, layout.n))
+    variance = np.zeros((point.signals.count, point.layout.n))
     for part in pulses(point, x, point.link_terms(x)):
         begin = point.signals.blocks[part.block].rows.start
         for group in part.groups:
