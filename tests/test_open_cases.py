@@ -56,9 +56,7 @@ def added(result: Diagnosis) -> list[str]:
 # -- drops
 
 
-@not_yet
 def test_a_curve_goes_where_an_effect_has_taken_its_place(demo: MeasurementSet) -> None:
-    """The curve stays whatever it costs, and the effect is dropped for it, 90 nats above."""
     own = Layout(demo.joints)
     view = Coarse(MotionContext(demo, own.joints, stand_ins=True), own, lambda _: None)
     friction, curve = ChosenEffect("coulomb_friction", 1), ChosenEffect("free_curve_friction", 1)
@@ -78,9 +76,8 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> Coarse:
     return Coarse(MotionContext(measurements, own.joints, stand_ins=True), own, lambda _: None)
 
 
-@not_yet
+@pytest.mark.slow
 def test_the_search_ends_no_higher_than_what_is_left_of_the_truth(several: Coarse) -> None:
-    """It ends at two of four effects, with both joints loud, 43 nats above."""
     search, layout = Search(several), Layout(several.own.joints, tuple(HIDDEN))
     truth = several.fit(layout, several.context.start(layout).x)
     assert search.run(several.begin()).score.total <= search.pruned(truth).score.total + 1
@@ -130,9 +127,9 @@ def test_accepted_moves_lead_to_the_model(walked: Diagnosis) -> None:
     assert have == {step.added.text for step in walked.steps if step.added is not None}
 
 
-@not_yet
+@pytest.mark.slow
 def test_every_accepted_move_changes_the_model(walked: Diagnosis) -> None:
-    """Six only fit the same model again, and five exchange two laws to and fro, for less than a nat each."""
+    """None fits the same model again or exchanges two laws to and fro."""
     moves = [(move.added, move.removed) for move in walked.trace if move.accepted]
     assert all(added or removed for added, removed in moves)
     assert len(set(moves)) == len(moves)
