@@ -15,6 +15,7 @@ from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.coarse import Coarse
+from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.elimination import needs
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
@@ -76,23 +77,23 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> Coarse:
     return Coarse(MotionContext(measurements, own.joints, stand_ins=True), own, lambda _: None)
 
 
-@pytest.mark.slow
 def test_the_search_ends_no_higher_than_what_is_left_of_the_truth(several: Coarse) -> None:
     search, layout = Search(several), Layout(several.own.joints, tuple(HIDDEN))
     truth = several.fit(layout, several.context.start(layout).x)
     assert search.run(several.begin()).score.total <= search.pruned(truth).score.total + 1
 
 
-@not_yet
 def test_a_fit_ends_no_higher_than_where_it_begins(several: Coarse) -> None:
-    """Fits weight joints down to the noise floor, J only down to the tolerance."""
+    """Both have one floor. J counts held-out groups, too, of which a fit knows nothing."""
     layout = Layout(several.own.joints, tuple(HIDDEN))
     truth = several.fit(layout, several.context.start(layout).x)
     for _, (_, x) in needs(several.linearised(truth), truth.score, several).items():
         smaller = Layout(several.own.joints, tuple(e for e in HIDDEN if x[layout.effect_slice(e)].any()))
         start = several.towards(truth, x, smaller)
-        before, after = (several.fit(smaller, start, iterations=k).score for k in (0, 20))
-        assert after.total <= before.total + 1
+        before, after = (several.fit(smaller, start, iterations=k) for k in (0, 20))
+        lost = -gain(before.score, after.score).held_out
+        assert after.fit.objective <= before.fit.objective
+        assert after.score.total <= before.score.total + 1 + max(lost, 0.0)
 
 
 # -- stopping, errors, trace
