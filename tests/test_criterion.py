@@ -277,19 +277,23 @@ def test_a_model_is_judged_in_units_of_the_recorded_torque() -> None:
 # -- what a model does not know
 
 
-def test_samples_of_which_a_part_is_unknown_say_less_of_the_deviation() -> None:
+@pytest.mark.parametrize("share", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize("outlier", [np.inf, MOTION.outlier])
+def test_the_deviation_is_recovered_from_samples_of_which_a_part_is_unknown(
+    outlier: float, share: float
+) -> None:
     """Samples of variance σ² + u² while a gap is crossed, σ² elsewhere."""
     rng = np.random.default_rng(4)
     sigma, count = np.array([0.3, 20.0]), 100_000
-    crossed = rng.random((count, 2)) < 0.03
+    crossed = rng.random((count, 2)) < share
     for times in (1.0, 3.0, 30.0):
         extra = np.where(crossed, times * sigma, 0.0) ** 2
         values = np.sqrt(sigma**2 + extra) * rng.standard_normal((count, 2))
-        parts = [Residuals(values, np.ones((count, 2), bool), [slice(0, count)], extra)]
-        plain = [Residuals(values, ~crossed, [slice(0, count)])]  # as if these were not there
-        found, expected = (deviations(some, MOTION.outlier) for some in (parts, plain))
-        np.testing.assert_allclose(found, expected, rtol=0.01)
-        assert times == 1.0 or np.all(deviations([replace(parts[0], unknown=None)]) > 1.1 * found)
+        part = Residuals(values, np.ones((count, 2), bool), [slice(0, count)], extra)
+        plain = replace(part, used=~crossed, unknown=None)  # as if these were not there
+        found = deviations([part], outlier)
+        np.testing.assert_allclose(found, deviations([plain], outlier), rtol=0.01)
+        assert np.all(deviations([replace(part, unknown=None)], outlier) > 1.005 * found)
 
 
 def test_a_variance_of_zero_is_none() -> None:

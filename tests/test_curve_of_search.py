@@ -64,7 +64,8 @@ def test_it_is_a_step_of_its_own_and_the_verdict_stays(ended: Diagnosis) -> None
 def test_the_law_is_still_located_and_what_is_left_is_mapped(ended: Diagnosis, without: Diagnosis) -> None:
     place = ended.where[0]
     assert (place.joint, place.variable) == ("joint2", "position") and place.explained > 0.5
-    assert place.range[0] < LAW.position < place.range[1]
+    # half of what it explains, most of it where the arm is most of the time: on the slope of the bump
+    assert max(abs(end - LAW.position) for end in place.range) < 1.5 * LAW.width
     assert [(w.joint, w.variable) for w in ended.where] == [(w.joint, w.variable) for w in without.where]
     curve = without.free_curve
     assert curve is not None and curve.certain and curve.joint == "joint2" and curve.variable == "position"

@@ -15,6 +15,7 @@ from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.coarse import Coarse
+from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.elimination import needs
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
@@ -56,9 +57,7 @@ def added(result: Diagnosis) -> list[str]:
 # -- drops
 
 
-@not_yet
 def test_a_curve_goes_where_an_effect_has_taken_its_place(demo: MeasurementSet) -> None:
-    """The curve stays whatever it costs, and the effect is dropped for it, 90 nats above."""
     own = Layout(demo.joints)
     view = Coarse(MotionContext(demo, own.joints, stand_ins=True), own, lambda _: None)
     friction, curve = ChosenEffect("coulomb_friction", 1), ChosenEffect("free_curve_friction", 1)
@@ -78,24 +77,23 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> Coarse:
     return Coarse(MotionContext(measurements, own.joints, stand_ins=True), own, lambda _: None)
 
 
-@not_yet
 def test_the_search_ends_no_higher_than_what_is_left_of_the_truth(several: Coarse) -> None:
-    """It ends at two of four effects, with both joints loud, 43 nats above."""
     search, layout = Search(several), Layout(several.own.joints, tuple(HIDDEN))
     truth = several.fit(layout, several.context.start(layout).x)
     assert search.run(several.begin()).score.total <= search.pruned(truth).score.total + 1
 
 
-@not_yet
 def test_a_fit_ends_no_higher_than_where_it_begins(several: Coarse) -> None:
-    """Fits weight joints down to the noise floor, J only down to the tolerance."""
+    """Both have one floor. J counts held-out groups, too, of which a fit knows nothing."""
     layout = Layout(several.own.joints, tuple(HIDDEN))
     truth = several.fit(layout, several.context.start(layout).x)
     for _, (_, x) in needs(several.linearised(truth), truth.score, several).items():
         smaller = Layout(several.own.joints, tuple(e for e in HIDDEN if x[layout.effect_slice(e)].any()))
         start = several.towards(truth, x, smaller)
-        before, after = (several.fit(smaller, start, iterations=k).score for k in (0, 20))
-        assert after.total <= before.total + 1
+        before, after = (several.fit(smaller, start, iterations=k) for k in (0, 20))
+        lost = -gain(before.score, after.score).held_out
+        assert after.fit.objective <= before.fit.objective
+        assert after.score.total <= before.score.total + 1 + max(lost, 0.0)
 
 
 # -- stopping, errors, trace
@@ -130,9 +128,9 @@ def test_accepted_moves_lead_to_the_model(walked: Diagnosis) -> None:
     assert have == {step.added.text for step in walked.steps if step.added is not None}
 
 
-@not_yet
+@pytest.mark.slow
 def test_every_accepted_move_changes_the_model(walked: Diagnosis) -> None:
-    """Six only fit the same model again, and five exchange two laws to and fro, for less than a nat each."""
+    """None fits the same model again or exchanges two laws to and fro."""
     moves = [(move.added, move.removed) for move in walked.trace if move.accepted]
     assert all(added or removed for added, removed in moves)
     assert len(set(moves)) == len(moves)

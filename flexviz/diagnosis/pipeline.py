@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.candidates import without_curves
 from flexviz.diagnosis.course import Course, Interrupted, SearchEnd
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.curves import fit_free_curve
@@ -131,7 +132,8 @@ class _Description:
         """The result that describes one model, `shown`."""
         course, end, layout = self.course, self.end, shown.layout
         course.tell(SearchStage.LOCATION)
-        fit = course.fine.fit(layout, shown.x, 0).fit
+        plain = without_curves(shown)  # a curve is what no effect explains
+        fit = course.fine.fit(plain.layout, plain.x, 0).fit
         context, unknown = course.fine.context, made[-1].verdict == "unknown"
         place = self.place(fit) if unknown and self.apply else None
         beside = UnknownInputFit.of(context, fit, place)

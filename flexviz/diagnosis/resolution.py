@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, credible, is_episode, offsets_of_springs, without
-from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, Score
+from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, Score, gain
 from flexviz.diagnosis.elimination import Linearised, needs
 from flexviz.diagnosis.fit_context import Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -212,8 +212,13 @@ class Resolution(ABC, Generic[AnyFit]):
         return {*self.own.effects, *(e for e in layout.effects if (e.effect, e.joint) in needed)}
 
     def gains(self, model: Model[AnyFit]) -> dict[ChosenEffect, Gain]:
-        """What each effect gains given the others, in closed form."""
-        return {e: g for e, (g, _) in needs(self.linearised(model), model.score, self).items()}
+        """What each effect gains given the others: in closed form, by a fit without one that has no size."""
+        found = {e: g for e, (g, _) in needs(self.linearised(model), model.score, self).items()}
+        for effect in [e for e in found if not (EFFECTS[e.effect].size_at or is_curve(e))]:
+            smaller = without(model.layout, [effect])
+            other = self.refit(model, smaller, smaller.vector(model.layout.model(model.fit.x)))
+            found[effect] = gain(other.score, model.score)
+        return found
 
     def smaller(
         self, model: Model[AnyFit], among: Collection[ChosenEffect] | None = None

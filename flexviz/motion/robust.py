@@ -10,7 +10,9 @@ import numpy as np
 from flexviz.arrays import Array, Bools
 from flexviz.motion.thresholds import MOTION
 
-PASSES = 4  # in which outliers and unknown torques are told from the rest
+PASSES = 3  # in which outliers are told from the rest
+UNKNOWN_PASSES = 5  # before, in which unknown torques are
+FALL = 0.1  # of a variance, to which it falls at most in a pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,7 @@ class Residuals:
     unknown: Array | None = None
 
     def weights(self, sigma: Array) -> Array | Bools:
-        """How much each sample says of a deviation σ, shape (n,): shape (N, n)."""
+        """Part of each sample's variance that is the model's own, of deviation σ, (n,): shape (N, n)."""
         if self.unknown is None:
             return self.used
         finite = np.where(np.isfinite(sigma), sigma, 0.0) ** 2
@@ -38,16 +40,25 @@ class Residuals:
 
 
 def deviations(parts: Sequence[Residuals], outlier: float = np.inf) -> Array:
-    """Standard deviation of residuals with outliers clipped, shape (n,), beside what is unknown."""
-    n = parts[0].values.shape[1]
-    limit = sigma = np.full(n, np.inf)
-    for _ in range(1 if np.isinf(outlier) and all(p.unknown is None for p in parts) else PASSES):
-        weights = [p.weights(sigma) for p in parts]
-        count = np.maximum(sum(w.sum(axis=0) for w in weights), 1)
-        pairs = zip(parts, weights, strict=True)
-        total = sum(np.sum(np.minimum(np.abs(p.values), limit) ** 2 * w, axis=0) for p, w in pairs)
-        sigma = np.sqrt(total / count) + 1e-300
-        limit = outlier * sigma
+    """Standard deviation of residuals with outliers clipped, shape (n,), beside what is unknown.
+
+    Of samples of variance σ² + u, of each of which w = σ² / (σ² + u) is its own, likelihood is highest
+    where σ² Σ w² = Σ w² (r² − u).
+    """
+    sigma = np.full(parts[0].values.shape[1], np.inf)
+    known = all(part.unknown is None for part in parts)
+    first = 1 if known else UNKNOWN_PASSES
+    for k in range(first + (0 if known and np.isinf(outlier) else PASSES)):
+        limit = outlier * sigma if k >= first else np.inf
+        total = count = np.zeros(len(sigma))
+        for part in parts:
+            own = 1.0 * part.weights(sigma)
+            squares = np.minimum(np.abs(part.values) * np.sqrt(own), limit) ** 2
+            if part.unknown is not None and np.isfinite(sigma).all():
+                squares -= own * part.unknown
+            total, count = total + np.sum(own * squares, axis=0), count + np.sum(own**2, axis=0)
+        least = 0.0 if known or np.isinf(sigma).any() else FALL * sigma**2
+        sigma = np.sqrt(np.maximum(total / np.maximum(count, 1e-300), least)) + 1e-300
     return sigma
 
 
