@@ -42,9 +42,7 @@ class Coarse(Resolution[MotionFit]):
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
         self._criterion: Criterion | None = None
-        self._swapped = set[
-            tuple[frozenset[ChosenEffect], ChosenEffect, ChosenEffect]
-        ]()  # rivals tried
+        self._swapped = set[tuple[frozenset[ChosenEffect], ChosenEffect, ChosenEffect]]()  # rivals tried
         self._refused = dict[Hashable, float]()  # candidates and joints, and what they promised
         self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
 

@@ -143,7 +143,6 @@ class MotionFit:
         Chance is what the residual's own spectra say.
         """
         held, chance = self._held(at_bound), self.chance(at_bound)
-        (whitened, jacobian), hessian = self.whitened, self.prior_derivatives[1]
         (stated,) = with_model_error([chance], [self.fitted_model(held)], self.excess)
         return stated, chance
 
