@@ -164,7 +164,23 @@ class Course:
         self.say(SearchStage.SEARCH)
         end = Search(view, self.made, self.trace).run(bare)
         self.say(SearchStage.FOUND)
-        return with_first_movements(view, view.with_rest_angles(end))
+        return self.completed(end)
+
+    def completed(self, end: CoarseModel) -> CoarseModel:
+        """The end of a search with rest angles in place of offsets, and effects of first movements."""
+        view = self.view
+        merged = self.noted(end, view.with_rest_angles(end), 0.0)
+        larger = with_first_movements(view, merged)
+        return self.noted(merged, larger, sum(gain.delta for gain in view.in_start.values()))
+
+    def noted(self, before: CoarseModel, after: CoarseModel, delta: float) -> CoarseModel:
+        """A model, with the step that leads to it in the trace."""
+        old, new = self.view.parts(before), self.view.parts(after)
+        if old != new:
+            made = Gain(delta, np.zeros(self.own.n), 0.0)
+            kind = "add" if old < new else "swap"
+            self.trace.append(Tried(kind, tuple(new - old), tuple(old - new), made, True, self.view.name))
+        return after
 
     def gains(self, end: SearchEnd) -> dict[ChosenEffect, Gain]:
         """What each effect of the final model gains given the others."""
@@ -185,9 +201,19 @@ class Course:
             coarse = self.view.without(end.coarse, weak)
             lost = Gain(end.coarse.score.total - coarse.score.total, np.zeros(self.own.n), 0.0, True)
             self.trace.append(Tried("drop", (), (weak,), lost, True, self.view.name))
-            if not self.stopped:
-                coarse = Search(self.view, self.made, self.trace).run(coarse)
-            end = self.refined(self.view.with_rest_angles(coarse))
+            end = self.refined(self.completed(self.continued(coarse)))
+
+    def continued(self, coarse: CoarseModel) -> CoarseModel:
+        """The end of the search from a model, or what it had found when the user stopped it."""
+        if self.stopped:
+            return coarse
+        self.best, self.searching = coarse, True
+        try:
+            return Search(self.view, self.made, self.trace).run(coarse)
+        except Interrupted:
+            return self.best
+        finally:
+            self.searching = False
 
     def without_curves(self, found: Estimate) -> Estimate:
         """An estimate without the free curves beside which its parameters were estimated."""

@@ -21,7 +21,8 @@ def with_first_movements(view: Coarse, model: CoarseModel) -> CoarseModel:
     in units of what the model leaves in motion.
     """
     context, before = view.context, view.context.first_phase
-    if not np.any(before == Phase.MOTION):
+    found = any(EFFECTS[effect.effect].after_rest for effect in model.layout.effects)
+    if found or not np.any(before == Phase.MOTION):
         return model
     context.first_phase = np.minimum(before, np.int8(Phase.START))
     there = view.fit(model.layout, model.fit.x, iterations=0)

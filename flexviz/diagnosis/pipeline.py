@@ -48,9 +48,9 @@ def diagnose(
 ) -> Diagnosis:
     """Determine whether the set's model is complete, and if not, what is missing.
 
-    Effects are added, dropped and swapped while that lowers J = −log p(residuals | noise + model error) −
-    log prior, over fitted and held-out groups, by more than its cost and 1.64 standard errors; first in the
-    band of the motion, then in units of the sensors' noise. What no effect explains is called unknown.
+    Effects are added, dropped and exchanged while that lowers J, what a model leaves of the recorded torque
+    and what it costs (`criterion`), over fitted and held-out groups; first in the band of the motion, then in
+    units of the sensors' noise. What no effect explains is called unknown.
 
     Args:
         measurements: the measurement set.
