@@ -168,7 +168,7 @@ def test_real_robot_is_bounded_and_beats_rigid_least_squares():
 
     measurements = read_set(KUKA)
     result = identify(measurements, effects=["coulomb_friction"], refine=True)
-    assert result.converged and result.message.startswith("refined")
+    assert result.converged and "in the band of the motion" in result.message  # far above the noise
     model = result.model
     for values in (model.stiffness, model.motor_inertia):
         assert np.all(np.isfinite(values)) and np.all(values > 0)

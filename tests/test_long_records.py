@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import motion_fit
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import joint_residuals
@@ -21,6 +20,7 @@ from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import Whitener
 from flexviz.measurements import read_set
 from flexviz.motion import MotionContext, MotionFit
+from flexviz.motion import fit as motion_fit
 from flexviz.recent import Recent
 from flexviz.resources import sessions_dir
 
