@@ -220,16 +220,16 @@ def _attempt(
     if near is None and needs_search(layout):
         near = bounds.clip(searched_start(measurements, equation))
     x = start.x if near is None else bounds.clip(near)
-    solution = last = gauss_newton(
+    descend = partial(
+        gauss_newton,
         equation,
         prior,
         bounds,
-        x,
-        after=start.point,
         report=report,
         watch=report.watch,
         max_iterations=max_iterations,
     )
+    solution = last = descend(x, after=start.point)
     for factor in STIFFNESS_FACTORS:
         if solution.converged or report.stopped:
             break
@@ -238,16 +238,7 @@ def _attempt(
             x[layout.effect_start :] = near[layout.effect_start :]
         x[layout.compliance] /= factor
         report.stage = f"fit from {factor:g} times the stiffness"
-        last = gauss_newton(
-            equation,
-            prior,
-            bounds,
-            x,
-            after=last.point,
-            report=report,
-            watch=report.watch,
-            max_iterations=max_iterations,
-        )
+        last = descend(x, after=last.point)
         if last.converged or last.evaluation.residual.var() < solution.evaluation.residual.var():
             solution = last
     return PlainFit(observer, equation, start, solution, report.watch)

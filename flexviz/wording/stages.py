@@ -11,11 +11,8 @@ class SearchStage(StrEnum):
     OWN_MODEL = "fitting the set's own model to the noise"
     SURVEY = "estimating what each effect alone would remove"
     USUAL = "fitting all usual effects on all joints"
-    CHECK = "checking what the usual effects leave"
     SEARCH = "searching for what the usual effects leave"
-    AGAIN = "searching once more, from the set's own model"
     FOUND = "checking what was found"
-    UNKNOWN = "looking for unmodelled torques"
     FINE = "refining the model in units of the sensors' noise"
     STAIRS = "fitting the models on the way"
     LOCATION = "locating the residual"
@@ -25,11 +22,8 @@ class SearchStage(StrEnum):
 
 
 STAGE_SHARES: dict[str, tuple[float, float, float]] = {
-    SearchStage.CHECK: (0.06, 0.5, 0.65),
     SearchStage.SEARCH: (0.07, 0.25, 0.55),
-    SearchStage.AGAIN: (0.19, 0.52, 0.74),
     SearchStage.FOUND: (0.24, 0.6, 0.65),
-    SearchStage.UNKNOWN: (0.36, 0.74, 0.9),
     SearchStage.FINE: (0.4, 0.63, 0.9),
     SearchStage.STAIRS: (0.67, 0.9, 0.98),
     SearchStage.LOCATION: (0.84, 0.98, 1.0),
