@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import socket
 import stat
 import subprocess
 import sys
@@ -195,7 +196,7 @@ def test_only_flexviz_recordings_can_be_compared(
 
 
 def test_the_page_fetches_nothing_from_outside(files: tuple[Path, Path]) -> None:
-    with web_viewer(files, free_port()) as address:
+    with web_viewer(files, 0) as address:
         base = address.partition("/?")[0]
         with urllib.request.urlopen(address) as answer:
             page, policy = answer.read().decode(), answer.headers["Content-Security-Policy"]
@@ -213,8 +214,21 @@ def test_the_page_fetches_nothing_from_outside(files: tuple[Path, Path]) -> None
         with pytest.raises(urllib.error.HTTPError) as caught:
             urllib.request.urlopen(bent)
         assert caught.value.code == 403
-        with pytest.raises(InputError, match="cannot be used"):
-            free_port(int(base.rpartition(":")[2]))
+        with (
+            pytest.raises(InputError, match="cannot be used"),
+            web_viewer(files, int(base.rpartition(":")[2])),
+        ):
+            pass
+
+
+def test_ports_taken_meanwhile_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket() as taken:
+        taken.bind((viewers.HOST, 0))
+        port = taken.getsockname()[1]
+        ports = iter([port, port])
+        monkeypatch.setattr(viewers, "free_port", lambda: next(ports, None) or free_port())
+        assert b"re_viewer" in viewers.viewer_page()["/"]
+        assert next(ports, None) is None
 
 
 def test_the_command_serves_until_interrupted(files: tuple[Path, Path]) -> None:

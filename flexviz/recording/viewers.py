@@ -36,7 +36,7 @@ POLICY = (
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
     "connect-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'"
 )
-START_TIMEOUT = 20.0  # [s] for the viewer's own server to answer
+START_TIMEOUT = 60.0  # [s] for the viewer's own server to answer
 NO_STATISTICS = {"CI": "1"}  # makes the viewer send none
 EXTERNAL_LINK = re.compile(rb"<link\b[^>]*https?://[^>]*>", re.IGNORECASE)
 
@@ -76,43 +76,47 @@ def show_in_window(recordings: Sequence[Path]) -> str:
     return lines[-1] if lines else f"exit code {viewer.returncode}"
 
 
-def free_port(wanted: int | None = None) -> int:
-    """The port `wanted`, or any free one.
-
-    Raises:
-        InputError: the port is in use.
-    """
+def free_port() -> int:
+    """A port that is free now; another program may take it before it is used."""
     with socket.socket() as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((HOST, wanted or 0))
-        except OSError as error:
-            raise InputError(f"port {wanted} cannot be used ({error.strerror})") from None
+        trial.bind((HOST, 0))
         return trial.getsockname()[1]
 
 
 def viewer_page() -> dict[str, bytes]:
-    """The files of the viewer's page, fetched from its own server, which is then stopped."""
+    """The files of the viewer's page, fetched from its own server, which is then stopped.
+
+    Rerun's server takes no port 0, so it may find its ports taken meanwhile: it is then tried with others.
+    """
+    end = time.monotonic() + START_TIMEOUT
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError):  # it ended, or another program answers at that port
+            content = _fetched_page(end)
+            content["/"] = EXTERNAL_LINK.sub(b"", content["/"])
+            return content
+    raise FlexvizError("Rerun's web viewer does not start; see the output of `rerun --serve-web`")
+
+
+def _fetched_page(end: float) -> dict[str, bytes]:
+    """One attempt; OSError if the server ends, or answers something else."""
     port, data = free_port(), free_port()
     command = [str(rerun_program()), "--serve-web", "--bind", HOST, "--port", str(data)]
     server = subprocess.Popen(
         [*command, "--web-viewer-port", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
-        end = time.monotonic() + START_TIMEOUT
         while not _answers(port):
             if server.poll() is not None or time.monotonic() > end:
-                raise FlexvizError("Rerun's web viewer does not start; see the output of `rerun --serve-web`")
+                raise OSError("no answer")
             time.sleep(0.05)
         content = {}
         for path in FILES:
             with urllib.request.urlopen(f"http://{HOST}:{port}{path}", timeout=START_TIMEOUT) as answer:
                 content[path] = answer.read()
+        return content
     finally:
         server.terminate()
         server.wait()
-    content["/"] = EXTERNAL_LINK.sub(b"", content["/"])
-    return content
 
 
 def _answers(port: int) -> bool:
@@ -127,12 +131,16 @@ def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[
     Raises:
         InputError: the port is in use.
     """
-    port = free_port(port) if port is not None else _usual_port()
     files = {f"/recordings/{number}/{file.name}": file for number, file in enumerate(recordings)}
-    server = _Server((HOST, port), viewer_page(), files)
+    server = _server(port, files)
+    try:
+        server.page = viewer_page()
+    except BaseException:
+        server.server_close()
+        raise
     thread = threading.Thread(target=server.serve_forever, name="flexviz-viewer", daemon=True)
     thread.start()
-    base = f"http://{HOST}:{port}"
+    base = f"http://{HOST}:{server.server_port}"
     query = "&".join("url=" + quote(base + quote(path), safe="") for path in files)
     try:
         yield f"{base}/?{query}&renderer=webgl"
@@ -141,21 +149,24 @@ def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[
         server.server_close()
 
 
-def _usual_port() -> int:
+def _server(port: int | None, files: Mapping[str, Path]) -> _Server:
+    """The server on this port (0: any free one), or on the usual one or, if that is in use, any."""
     try:
-        return free_port(PORT)
-    except InputError:
-        return free_port()
+        return _Server((HOST, PORT if port is None else port), files)
+    except OSError as error:
+        if port is not None:
+            raise InputError(f"port {port} cannot be used ({error.strerror})") from None
+        return _Server((HOST, 0), files)
 
 
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, address: tuple[str, int], page: Mapping[str, bytes], files: Mapping[str, Path]):
+    def __init__(self, address: tuple[str, int], files: Mapping[str, Path]):
         super().__init__(address, _Handler)
-        self.page = page
+        self.page: Mapping[str, bytes] = {}
         self.files = files
-        self.hosts = {f"{name}:{address[1]}" for name in (HOST, "localhost")}
+        self.hosts = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -17,7 +17,7 @@ from flexviz.charts import COLOURS, rgb
 from flexviz.identification import identify
 from flexviz.measurements import GroupTable, read_set, write_set
 from flexviz.recording import LiveRecording, record_set
-from flexviz.recording.viewers import free_port, web_viewer
+from flexviz.recording.viewers import web_viewer
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 from flexviz.simulation import Run
@@ -54,7 +54,7 @@ def of_hue(picture: bytes, part: tuple[float, float, float, float], colour: str,
 @contextmanager
 def viewer(file: Path, chromium: Any, asked: list[str]) -> Iterator[Any]:
     """A page with the recording; `asked` gets the addresses that it asks for."""
-    with web_viewer([file], free_port()) as address:
+    with web_viewer([file], 0) as address:
         page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.set_default_timeout(1000 * PATIENCE)
         page.on("request", lambda request: asked.append(request.url))
