@@ -112,7 +112,8 @@ class Descent(Generic[P]):
         reach: how far a step may go.
         place: the start.
         negligible: length of a step that ends the descent [standard deviations].
-        settled: change of the objective by a step that ends it.
+        settled: change of the objective, twice a negative log likelihood, that ends it: one that a step made,
+            or that it promises at most.
         damped: halve a step until it leads lower, or else end the descent; otherwise it is taken whole.
         accelerated: extrapolate slow steps (`_extrapolated`).
         watch: called at every place; may raise to stop, and ends the descent by True.
@@ -161,12 +162,16 @@ class Descent(Generic[P]):
             x, hessian = self.place.x, self.normal.hessian
             step, self.at_bound = bounded_step(self.normal.gradient, hessian, x, self.reach.bounds)
             self.length = _length(step, hessian)
-            self.converged = self.length < self.negligible or abs(self.gained) < self.settled
+            promised = self.length**2
+            self.converged = self.length < self.negligible or min(abs(self.gained), promised) < self.settled
             self.ended = bool(self.watch(self))
             if self.converged or self.ended or self.steps == iterations:
                 break
             past = [*past[-ACCELERATION_DEPTH:], (x, step)]
-            there = self._extrapolated(past, hessian) or self._along(step, HALVINGS if self.damped else 0)
+            halvings = HALVINGS if self.damped else 0
+            if halvings and self.settled:  # a part f of a step promises 2 f of the whole, at most
+                halvings = min(halvings, 1 + int(np.log2(2 * promised / self.settled)))
+            there = self._extrapolated(past, hessian) or self._along(step, halvings)
             if there is None:
                 self.stuck = True
                 break

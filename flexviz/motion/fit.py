@@ -58,6 +58,7 @@ Bools = NDArray[np.bool_]
 HERTZ = 7.0  # band of the motion
 SAMPLES = 1000  # of a record, with eight to four of a cycle at the edge of the band
 STEPS = 20  # of a fit at most
+STARTS = 8  # of models that are kept
 SETTLED = 0.5  # change of the objective that ends a fit
 
 
@@ -75,6 +76,7 @@ class MotionFit:
         weights: shape (N, n), 1/σ of each sample and joint, less for outliers [1/Nm].
         at_bound: shape (P,), parameters held at a bound.
         objective: twice the negative log likelihood of residuals of unknown variance, and the prior.
+        ended: `watch` has ended the fit.
     """
 
     context: MotionContext
@@ -87,6 +89,7 @@ class MotionFit:
     weights: Array
     at_bound: NDArray[np.bool_]
     objective: float
+    ended: bool = False
     _jacobian: Recent[Array] = field(default_factory=partial(Recent, "weighted", 3), init=False)
 
     @cached_property
@@ -235,6 +238,7 @@ class MotionContext:
         self._fitted = model.fitted
         bare = self.equation(model)
         self._start = start_values(measurements, bare)
+        self._starts = dict[Layout, Start]()  # of the last models
         rigid = bare.evaluate(self._start.x)
         noise = segments_noise([b.segment for b in self.signals.blocks])
         variance = residual_noise(self.signals, model, self._start.x, rigid.link, noise)
@@ -287,7 +291,10 @@ class MotionContext:
 
     def start(self, layout: Layout) -> Start:
         """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""
-        return firm_start(self.measurements, self.signals, self._start, layout, self.stand_ins)
+        if layout not in self._starts:
+            made = firm_start(self.measurements, self.signals, self._start, layout, self.stand_ins)
+            self._starts = {**dict([*self._starts.items()][-STARTS:]), layout: made}
+        return self._starts[layout]
 
     def fit(
         self,
@@ -297,18 +304,20 @@ class MotionContext:
         iterations: int = STEPS,
         check: Callable[[], None] = lambda: None,
         settled: float = SETTLED,
+        watch: Callable[[Descent[MotionFit]], bool] = lambda descent: False,
     ) -> MotionFit:
         """Gauss–Newton from x, shape (P,), with weights from the residual, renewed at every step.
 
         `check` is called before each step and may raise to stop; `settled`: change of the objective that
-        ends the fit.
+        ends the fit; `watch` may end it at any place.
         """
         start = self.start(layout)
         problem = MotionProblem(self, self.equation(layout), start.prior, check)
         reach = Reach(start.bounds, start.prior.feasible, layout.compliance)
-        descent = Descent(problem, reach, problem.at(start.bounds.clip(x)), settled=settled, damped=True)
+        place = problem.at(start.bounds.clip(x))
+        descent = Descent(problem, reach, place, settled=settled, damped=True, watch=watch)
         descent.run(iterations)
-        found = descent.place
+        found = replace(descent.place, ended=descent.ended) if descent.ended else descent.place
         found.at_bound[:] = descent.at_bound
         found.point.context.forget()  # a search keeps many fits
         return found
