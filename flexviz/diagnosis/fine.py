@@ -20,6 +20,8 @@ from flexviz.motion import MOTION, Known
 Array = NDArray[np.float64]
 FineModel = Model[Fit]
 
+FIRST_STEPS = 2  # by which the starts of a trial are compared
+
 
 class Fine(Resolution[Fit]):
     """Models of one set in units of the noise.
@@ -35,6 +37,7 @@ class Fine(Resolution[Fit]):
         super().__init__(context.measurements, own, say, many=False)
         self.context = context
         self._criterion: Criterion | None = None
+        self.settled = 0.0  # change of an objective that ends a trial
 
     @property
     def criterion(self) -> Criterion:
@@ -48,7 +51,11 @@ class Fine(Resolution[Fit]):
         bare = self.context.without_effects(fit)
         explained = np.mean(self.residuals(bare)[0].values ** 2, axis=0)
         least = (1 + MOTION.noise_known) * np.sqrt(1 + LIMITS.exactness**2 * explained)
-        self._criterion = criterion_of(self.residuals(fit), least, self.choices)
+        parts = self.residuals(fit)
+        self._criterion = criterion_of(parts, least, self.choices)
+        # an objective is twice a sum over samples, of which not all are independent
+        count = sum(float(part.used.sum()) for part in parts)
+        self.settled = 2 * LIMITS.settled * count / float(self._criterion.samples.sum())
         return self.model(fit)
 
     # -- fits
@@ -105,12 +112,13 @@ class Fine(Resolution[Fit]):
         return {"add": self.larger, "episode": self.episodes}
 
     def larger(self, model: FineModel) -> Iterator[tuple[Hashable, FineModel]]:
-        """Best-scored effects, one at a time, and on loud joints those whose scores mean little."""
-        loud = self.loud(model)
-        if not loud.any():
+        """Best-scored effects, one at a time, and those whose scores mean little.
+
+        Of all joints: what an elastic effect leaves may show more on others than on its own.
+        """
+        if not self.loud(model).any():
             return
-        wanted = [e for e in self.wanted(model.layout) if e.joint is None or loud[e.joint]]
-        scored = [s for s in self.scores(model.fit, wanted) if self.promising(model, s)]
+        scored = [s for s in self.scores(model.fit, self.wanted(model.layout)) if self.promising(model, s)]
         hidden = [s for s in scored[EFFORT.best :] if EFFECTS[s.effect.effect].underrated]
         for s in [*scored[: EFFORT.best], *hidden[: EFFORT.best]]:
             other = self.with_added(model, s)
@@ -139,8 +147,17 @@ class Fine(Resolution[Fit]):
     def with_added(self, model: FineModel, scored: ScoredCandidate) -> FineModel:
         """The model with a candidate, from the best of its starts."""
         self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
-        trials = [self.fit(at.layout, at.x, STEPS, model.fit) for at in self.starts(model.fit, scored)]
-        return min(trials, key=lambda m: m.fit.objective)
+        starts = self.starts(model.fit, scored)
+        if len(starts) > 1:  # far from the noise, steps from a bad start lead nowhere
+            begun = [self.trial(at, model.fit, FIRST_STEPS) for at in starts]
+            starts = [min(begun, key=lambda fit: fit.objective)]
+        return self.model(self.trial(starts[0], model.fit, STEPS))
+
+    def trial(self, start: Known | Fit, near: Fit, iterations: int) -> Fit:
+        """A fit as close as its J needs."""
+        return self.context.fit(
+            start.layout, start.x, iterations=iterations, settled=self.settled, check=self.check, near=near
+        )
 
     def united(self, model: FineModel, others: list[FineModel]) -> FineModel:
         return others[0]  # they are of one place

@@ -134,20 +134,22 @@ class FitContext:
 
     def fit(
         self, layout: Layout, x: Array, *, iterations: int = STEPS, near: Fit | None = None,
-        check: Callable[[], None] = lambda: None,
+        settled: float = 0.0, check: Callable[[], None] = lambda: None,
     ) -> Fit:  # fmt: skip
         """Gauss–Newton on Zᵀ W r = b from x, shape (P,), repeated with damping where it leads far uphill.
 
         `near` is a fit with nearly the same stiffness and motor inertia, whose whiteners can be reused;
-        `check` is called before each step and may raise to stop.
+        `settled`: change of the objective by a step that ends it; `check` is called before each step and may
+        raise to stop.
         """
         whitening = Whitening(self.two_band.with_layout(layout), near and near.point)
         start = self.start(layout)
         given = whitening, start.prior, start.bounds
-        solved = solve(*given, x, iterations=iterations, impatient=True, check=check)
+        solved = solve(*given, x, iterations=iterations, impatient=True, settled=settled, check=check)
         # a far worse end; the objective is twice a log likelihood
         if solved.end.objective > solved.best.objective + 2 * THRESHOLDS.criterion.temperature:
-            again = solve(*given, solved.best.x, iterations=iterations, damped=True, check=check)
+            best = solved.best.x
+            again = solve(*given, best, iterations=iterations, damped=True, settled=settled, check=check)
             if again.end.objective < solved.end.objective:
                 solved = again
         point, held_out, chi = solved.end, None, np.full(layout.n, np.nan)

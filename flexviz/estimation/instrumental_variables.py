@@ -49,6 +49,7 @@ def solve(
     iterations: int,
     damped: bool = False,
     impatient: bool = False,
+    settled: float = 0.0,
     check: Callable[[], None] = lambda: None,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
 ) -> Solved:
@@ -65,6 +66,7 @@ def solve(
             uphill.
         impatient: end a fit far above the noise that does not find a better objective. There Zᵀ W r = b and
             the minimum of the objective differ, and steps of many standard deviations say nothing.
+        settled: change of the objective by a step that ends it.
         check: called before each point; may raise to stop.
         report: called with x, cost and step length of each step; may raise to stop.
     """
@@ -80,7 +82,7 @@ def solve(
 
     reach = Reach(bounds, prior.feasible, prior.layout.compliance)
     place = problem.at(bounds.clip(x))
-    solved = Solved(problem, reach, place, damped=damped, watch=watch)
+    solved = Solved(problem, reach, place, damped=damped, settled=settled, watch=watch)
     solved.run(iterations)
     return solved
 
