@@ -22,7 +22,7 @@ from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolutio
 from flexviz.diagnosis.unknown_curve import best_curve, is_curve
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
 from flexviz.equation import Layout
-from flexviz.estimation import shares_alone, torque_scale
+from flexviz.estimation import Descent, ScoredCandidate, shares_alone, torque_scale
 from flexviz.motion import MOTION, Known, MotionContext, MotionFit, Phase, plain_model, usual_model
 
 Array = NDArray[np.float64]
@@ -56,14 +56,33 @@ class Coarse(Resolution[MotionFit]):
 
     def begin(self) -> CoarseModel:
         """The set's own model, from which on J is measured, of the samples that count by now."""
-        fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
-        least, parts = self.context.least, self.residuals(fit)
-        self._criterion = criterion_of(parts, least, self.choices, MOTION.outlier)
+        return self.measured_by(self.context.fit(self.own, self.context.start(self.own).x, check=self.check))
+
+    def measured_by(self, fit: MotionFit) -> CoarseModel:
+        """The model of a fit, from which on J is measured."""
+        parts = self.residuals(fit)
+        self._criterion = criterion_of(parts, self.context.least, self.choices, MOTION.outlier)
         count = np.sum([part.used.sum(axis=0) for part in parts], axis=0)
         # an objective is twice a sum over samples, of which few are independent
         self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
         self.independent = self._criterion.samples / np.maximum(count, 1)  # share of the samples, (n,)
         return self.model(fit)
+
+    def renewed(self, model: CoarseModel) -> CoarseModel | None:
+        """The model with J measured by it; None if its errors are hardly more independent than before.
+
+        What is left after large slow errors are explained is faster, so that more of it is evidence.
+        """
+        before = self.criterion
+        parts = self.residuals(model.fit)
+        now = criterion_of(parts, self.context.least, self.choices, MOTION.outlier).samples
+        more = (now > EFFORT.again * before.samples) & (model.score.deviation > before.least)
+        if not more.any():
+            return None
+        known = {joint for joint in range(self.own.n) if not more[joint]}
+        self._refused = {k: v for k, v in self._refused.items() if getattr(k, "joint", k) in known}
+        self._swapped = {one for one in self._swapped if one[1].joint in known}
+        return self.measured_by(model.fit)
 
     @property
     def rests(self) -> bool:
@@ -76,10 +95,17 @@ class Coarse(Resolution[MotionFit]):
         """A model fitted from x, shape (P,)."""
         return self.model(self.context.fit(layout, x, iterations=iterations, check=self.check))
 
-    def tried(self, start: Known) -> CoarseModel:
-        """A model fitted as closely as its J needs."""
-        fit = self.context.fit(start.layout, start.x, check=self.check, settled=self.settled)
-        return self.model(fit)
+    def tried(self, start: Known, lowest: float = np.inf) -> CoarseModel | None:
+        """A model fitted as closely as its J needs; None once it cannot come near the `lowest` objective."""
+        nats = self.settled / LIMITS.settled  # an effect's cost in units of the objective
+        hopeless = lowest + nats * self.criterion.cost(1, 1)
+
+        def watch(descent: Descent[MotionFit]) -> bool:
+            # a step of length l promises a decrease of l²
+            return descent.place.objective - EFFORT.reach * descent.length**2 > hopeless
+
+        fit = self.context.fit(start.layout, start.x, check=self.check, settled=self.settled, watch=watch)
+        return None if fit.ended else self.model(fit)
 
     def refit(self, model: CoarseModel, layout: Layout, x: Array) -> CoarseModel:
         return self.fit(layout, x)
@@ -174,28 +200,36 @@ class Coarse(Resolution[MotionFit]):
         wanted = [e for e in self.wanted(fit.layout) if e.joint is None or loud[e.joint]]
         scored = [s for s in self.scores(fit, wanted) if self.promising(model, s.effect, s.gain)]
         for joint in [*np.flatnonzero(loud).tolist(), None]:
-            mine = [s for s in scored if s.effect.joint == joint]
-            sensing = [s for s in mine[EFFORT.best :] if EFFECTS[s.effect.effect].where == "sensing"]
-            quiet = False
-            for s in [*mine[: EFFORT.best], *sensing]:
-                if s.gain < EFFORT.again * self._refused.get(s.effect, 0.0):
-                    continue
-                self.say(f"trying: {EFFECTS[s.effect.effect].title}")
-                other = self.tried(with_candidates(fit, [s]))
-                if self.doubtful(other, fit.layout):
-                    continue
-                self.remember(s.effect, s.gain, model, other)
+            for other in self.of_place(model, joint, [s for s in scored if s.effect.joint == joint]):
                 yield joint, other
-                if quiet := joint is not None and not self.loud(other)[joint]:
-                    break
-            above = 0.0 if joint is None else float(self.above(model)[joint])
-            if joint is None or quiet or above < EFFORT.again * self._refused.get(joint, 0.0):
+
+    def of_place(
+        self, model: CoarseModel, joint: int | None, scored: list[ScoredCandidate]
+    ) -> Iterator[CoarseModel]:
+        """Best-scored effects of a place, sensing errors, and its plain model, until nothing is left there."""
+        sensing = [s for s in scored[EFFORT.best :] if EFFECTS[s.effect.effect].where == "sensing"]
+        lowest = np.inf
+        for s in [*scored[: EFFORT.best], *sensing]:
+            if s.gain < EFFORT.again * self._refused.get(s.effect, 0.0):
                 continue
-            if (plain := plain_model(self.context, fit, joint, self.banned)) is not None:
-                other = self.pruned_of(self.tried(plain), model.layout)
-                self.remember(joint, above, model, other)
-                if not self.doubtful(other, fit.layout):
-                    yield joint, other
+            self.say(f"trying: {EFFECTS[s.effect.effect].title}")
+            other = self.tried(with_candidates(model.fit, [s]), lowest)
+            if other is None or self.doubtful(other, model.layout):
+                continue
+            self.remember(s.effect, s.gain, model, other)
+            lowest = min(lowest, other.fit.objective)
+            yield other
+            if joint is not None and not self.loud(other)[joint]:
+                return
+        above = 0.0 if joint is None else float(self.above(model)[joint])
+        if joint is None or above < EFFORT.again * self._refused.get(joint, 0.0):
+            return
+        plain = plain_model(self.context, model.fit, joint, self.banned)
+        if plain is not None and (rich := self.tried(plain, lowest)) is not None:
+            other = self.pruned_of(rich, model.layout)
+            self.remember(joint, above, model, other)
+            if not self.doubtful(other, model.layout):
+                yield other
 
     def remember(self, key: Hashable, promise: float, before: CoarseModel, after: CoarseModel) -> None:
         """Keep what a refused trial promised: it is not tried again until it promises clearly more."""
@@ -209,7 +243,7 @@ class Coarse(Resolution[MotionFit]):
         if not gone:
             return model
         smaller = without(model.layout, gone)
-        return self.tried(Known(smaller, self.towards(model, x, smaller)))
+        return self.tried(Known(smaller, self.towards(model, x, smaller))) or model
 
     def promising(self, model: CoarseModel, effect: ChosenEffect, gained: float) -> bool:
         """Whether an effect may lower J, by the decrease of the weighted squares that its score promises."""
@@ -265,8 +299,8 @@ class Coarse(Resolution[MotionFit]):
             mine = next((s.gain for s in ranked if s.effect == effect), 0.0)
             for s in [s for s in ranked if s.effect != effect and s.gain > EFFORT.close * mine]:
                 self.say(f"trying: {EFFECTS[s.effect.effect].title}")
-                other = self.tried(with_candidates(there.fit, [s]))
-                if not self.doubtful(other, model.layout):
+                other = self.tried(with_candidates(there.fit, [s]), model.fit.objective)
+                if other is not None and not self.doubtful(other, model.layout):
                     yield effect.joint, other
         for name, law in EFFECTS.items():
             for joint in range(self.own.n) if law.merges else ():

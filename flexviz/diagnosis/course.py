@@ -162,9 +162,18 @@ class Course:
         if view.rests and view.context.set_standstill_apart(view.rich().fit):
             bare = view.begin()
         self.say(SearchStage.SEARCH)
-        end = Search(view, self.made, self.trace).run(bare)
+        end = self.walked(bare)
         self.say(SearchStage.FOUND)
         return self.completed(end)
+
+    def walked(self, model: CoarseModel) -> CoarseModel:
+        """The end of the search from a model, and from there on as long as J can be measured better."""
+        while True:
+            end = Search(self.view, self.made, self.trace).run(model)
+            renewed = self.view.renewed(end)
+            if renewed is None:
+                return end
+            model = renewed
 
     def completed(self, end: CoarseModel) -> CoarseModel:
         """The end of a search with rest angles in place of offsets, and effects of first movements."""
@@ -209,7 +218,7 @@ class Course:
             return coarse
         self.best, self.searching = coarse, True
         try:
-            return Search(self.view, self.made, self.trace).run(coarse)
+            return self.walked(coarse)
         except Interrupted:
             return self.best
         finally:

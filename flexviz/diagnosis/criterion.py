@@ -106,7 +106,20 @@ class Criterion:
             share, spread = cut
             all_of_it, held = (d ** (1 - share) * spread**share for d in (all_of_it, held))
         nats, held_nats = (self.nats(sigma) for sigma in (all_of_it, held))
+        nats += self.samples * self.unknown_price(parts, all_of_it * scale)
+        held_nats += self.samples * self.unknown_price(parts[-1:], held * scale)
         return Score(all_of_it, held, nats, held_nats, cost)
+
+    def unknown_price(self, parts: Sequence[Residuals], sigma: Array) -> Array:
+        """Mean of ½ log(1 + u/σ²) over samples of which a model does not know u, (n,) [nats].
+
+        A torque that may have any size explains everything.
+        """
+        if all(part.unknown is None for part in parts):
+            return np.zeros(len(sigma))
+        own = np.maximum(sigma, self.least) ** 2
+        total = sum(np.sum(part.used * np.log1p(part.variance_unknown / own), axis=0) for part in parts)
+        return 0.5 * total / np.maximum(sum(part.used.sum(axis=0) for part in parts), 1)
 
     def nats(self, deviation: Array) -> Array:
         """n_j log max(σ_j, ε_j), shape (n,)."""

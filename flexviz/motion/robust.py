@@ -31,6 +31,11 @@ class Residuals:
     blocks: Sequence[slice]
     unknown: Array | None = None
 
+    @property
+    def variance_unknown(self) -> Array | float:
+        """What is unknown, zero if nothing."""
+        return 0.0 if self.unknown is None else self.unknown
+
     def weights(self, sigma: Array) -> Array | Bools:
         """Part of each sample's variance that is the model's own, of deviation σ, (n,): shape (N, n)."""
         if self.unknown is None:
