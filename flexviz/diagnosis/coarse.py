@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import (
+    OFFSET,
     candidates,
     offsets_of_springs,
     with_candidates,
@@ -56,13 +58,17 @@ class Coarse(Resolution[MotionFit]):
 
     def begin(self) -> CoarseModel:
         """The set's own model, from which on J is measured, of the samples that count by now."""
-        return self.measured_by(self.context.fit(self.own, self.context.start(self.own).x, check=self.check))
+        fit = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
+        return self.measured_by(fit, self.criterion_by(fit))
 
-    def measured_by(self, fit: MotionFit) -> CoarseModel:
-        """The model of a fit, from which on J is measured."""
-        parts = self.residuals(fit)
-        self._criterion = criterion_of(parts, self.context.least, self.choices, MOTION.outlier)
-        count = np.sum([part.used.sum(axis=0) for part in parts], axis=0)
+    def criterion_by(self, fit: MotionFit) -> Criterion:
+        """The criterion of the recording, by the residuals of a model."""
+        return criterion_of(self.residuals(fit), self.context.least, self.choices, MOTION.outlier)
+
+    def measured_by(self, fit: MotionFit, criterion: Criterion) -> CoarseModel:
+        """The model of a fit, from which on J is measured by a criterion."""
+        self._criterion = criterion
+        count = np.sum([used.sum(axis=0) for used in self.context.used], axis=0)
         # an objective is twice a sum over samples, of which few are independent
         self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
         self.independent = self._criterion.samples / np.maximum(count, 1)  # share of the samples, (n,)
@@ -73,16 +79,15 @@ class Coarse(Resolution[MotionFit]):
 
         What is left after large slow errors are explained is faster, so that more of it is evidence.
         """
-        before = self.criterion
-        parts = self.residuals(model.fit)
-        now = criterion_of(parts, self.context.least, self.choices, MOTION.outlier).samples
-        more = (now > EFFORT.again * before.samples) & (model.score.deviation > before.least)
+        before, now = self.criterion, self.criterion_by(model.fit)
+        more = (now.samples > EFFORT.again * before.samples) & (model.score.deviation > before.least)
         if not more.any():
             return None
         known = {joint for joint in range(self.own.n) if not more[joint]}
         self._refused = {k: v for k, v in self._refused.items() if getattr(k, "joint", k) in known}
         self._swapped = {one for one in self._swapped if one[1].joint in known}
-        return self.measured_by(model.fit)
+        samples = np.maximum(now.samples, before.samples)
+        return self.measured_by(model.fit, replace(now, samples=samples))
 
     @property
     def rests(self) -> bool:
@@ -136,9 +141,12 @@ class Coarse(Resolution[MotionFit]):
         return model.fit.towards(x, smaller)
 
     def without(self, model: CoarseModel, effect: ChosenEffect) -> CoarseModel:
-        """The model without an effect, fitted."""
+        """The model without an effect, fitted; the torque of a spring's rest angle stays as an offset."""
         start = without_effects(model.fit, [effect])
-        return self.fit(start.layout, start.x)
+        layout, offset = start.layout, ChosenEffect(OFFSET, effect.joint)
+        if EFFECTS[effect.effect].offset_parameter and offset not in {*layout.effects, *self.banned}:
+            layout = layout.with_effects((*layout.effects, offset))
+        return self.fit(layout, layout.vector(start.layout.model(start.x)))
 
     def with_rest_angles(self, model: CoarseModel) -> CoarseModel:
         """The model with torque offsets on a joint with a spring turned into the spring's rest angle."""
@@ -147,10 +155,9 @@ class Coarse(Resolution[MotionFit]):
 
     def residuals(self, fit: MotionFit) -> list[Residuals]:
         context = self.context
-        unknown = fit.unknown()
         return [
             Residuals(r, used, [b.rows for b in s.blocks], u)
-            for r, used, s, u in zip(fit.residuals, context.used, context.parts, unknown, strict=True)
+            for r, u, used, s in zip(*fit.judged, context.used, context.parts, strict=True)
         ]
 
     def linearised(self, model: CoarseModel) -> Linearised:
@@ -206,7 +213,7 @@ class Coarse(Resolution[MotionFit]):
     def of_place(
         self, model: CoarseModel, joint: int | None, scored: list[ScoredCandidate]
     ) -> Iterator[CoarseModel]:
-        """Best-scored effects of a place, sensing errors, and its plain model, until nothing is left there."""
+        """Best-scored effects of a place, sensing errors and its plain model, until nothing is left there."""
         sensing = [s for s in scored[EFFORT.best :] if EFFECTS[s.effect.effect].where == "sensing"]
         lowest = np.inf
         for s in [*scored[: EFFORT.best], *sensing]:

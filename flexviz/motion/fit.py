@@ -181,9 +181,21 @@ class MotionFit:
         return [self.context.equation(self.layout, part).at(self.x) for part in parts]
 
     @cached_property
+    def judged(self) -> tuple[list[Array], list[Array | None]]:
+        """Residuals and what the model does not know, of each of the context's parts.
+
+        Shape (N, n): residual [Nm], variance of the torque that the model does not know [Nm²]; None: zero.
+        """
+        points = [self.point, *self._held_out()]
+        residuals = [self.residual, *(point.residual(self.x) for point in points[1:])]
+        if not has_gaps(self.layout):
+            return residuals, [None] * len(points)
+        return residuals, [unknown_variance(point, self.x) for point in points]
+
+    @property
     def residuals(self) -> list[Array]:
         """Of each of the context's parts, shape (N, n) [Nm]."""
-        return [self.residual, *(point.residual(self.x) for point in self._held_out())]
+        return self.judged[0]
 
     def jacobians(self) -> list[Array]:
         """Of each of the context's parts, shape (N, n, P)."""
@@ -191,12 +203,6 @@ class MotionFit:
             point.evaluate(self.x, moving=True, near=True).jacobian
             for point in (self.point, *self._held_out())
         ]
-
-    def unknown(self) -> list[Array | None]:
-        """Variance of the torque that the model does not know, of each part, (N, n) [Nm²]; None: zero."""
-        if not has_gaps(self.layout):
-            return [None] * len(self.context.parts)
-        return [unknown_variance(point, self.x) for point in (self.point, *self._held_out())]
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
