@@ -34,6 +34,7 @@ from flexviz.wording import STAGE_SHARES, SearchStage
 LEAST_SURE = 0.5  # what is less likely right than wrong is not in the model
 
 
+Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
@@ -243,16 +244,13 @@ class Course:
 
         None if all sizes differ from none at 95 %, and all effects are more likely right than wrong.
         """
-        firm, (covariance, _) = self.view.firm(found.layout), found.covariances
+        firm, errors = self.view.firm(found.layout), found.covariances
         gains, doubt = self.gains(end), dict[ChosenEffect, float]()
         for effect, where in found.layout.effect_slices():
             if effect in firm:
                 continue
-            sizes = [where.start + k for k in EFFECTS[effect.effect].size_at]
-            error = covariance.standard_errors[sizes] + 1e-300 * np.abs(found.x[sizes])
-            certain = float(np.max(np.abs(found.x[sizes]) / np.maximum(error, 1e-300), initial=0.0))
-            certain = certain if sizes else np.inf
             need = gains.get(effect)
+            certain = apart_from_none(found.x, effect, where, errors, need)
             samples = (self.fine if end.at_noise else self.view).criterion.samples
             left = 0.0 if end.at_noise or need is None else unexplained(need, samples, effect.joint)
             sure = 1.0 if need is None else confidence(need.delta, left)
@@ -273,3 +271,28 @@ class Course:
 
 def _cut(covariance: Covariance, kept: NDArray[np.intp]) -> Covariance:
     return Covariance(covariance.matrix[np.ix_(kept, kept)], covariance.prior_share[kept])
+
+
+def apart_from_none(
+    x: Array,
+    effect: ChosenEffect,
+    where: slice,
+    errors: tuple[Covariance, Covariance],
+    need: Gain | None,
+) -> float:
+    """By how many standard errors an effect's size differs from none; infinite for one without a size.
+
+    `errors`: stated and of chance alone. By its standard error, or by what the likelihood loses without it: a
+    size that hardly differs from others of the same law with another velocity may still be far from none.
+    What the model lacks weakens both alike.
+    """
+    law = EFFECTS[effect.effect]
+    sizes = np.array([where.start + k for k in law.size_at], int)
+    if not len(sizes):
+        return np.inf
+    stated, chance = (np.maximum(one.standard_errors[sizes], 1e-300) for one in errors)
+    certain = float(np.max(np.abs(x[sizes]) / stated))
+    if need is None or law.offset_parameter:  # without a spring its rest angle's torque is missing, too
+        return certain
+    nats = max(float(need.by_joint.sum()), 0.0)
+    return max(certain, float(np.sqrt(2 * nats) * np.max(chance / stated)))
