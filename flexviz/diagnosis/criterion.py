@@ -168,9 +168,8 @@ class Gain:
 
     @property
     def accepted(self) -> bool:
-        """Whether J falls, and with it the held-out error, which may rise a little if a part is dropped."""
-        worse = -float(np.log(LIMITS.false_alarm)) if self.smaller else LIMITS.rounding
-        return self.delta > LIMITS.settled and self.held_out > -worse
+        """Whether J falls, and held-out groups are not described less well than chance allows."""
+        return self.delta > LIMITS.settled and self.held_out > float(np.log(LIMITS.false_alarm))
 
     @property
     def why(self) -> str:

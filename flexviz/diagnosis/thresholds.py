@@ -18,7 +18,6 @@ class CriterionThresholds:
     false_alarm: float = 0.05  # probability that anything is found where nothing is missing
     exactness: float = 1e-3  # the same in units of the noise, of what the effects explain
     settled: float = 0.1  # change of J that ends the fit of a model that is tried [nats]
-    rounding: float = 0.5  # [nats] by which held-out groups may be described less well
     temperature: float = 3.0  # [nats] by which a gain has to exceed its cost for a confidence of 73 %
     least_doubt: float = 0.01  # odds of an error of any kind
     doubt: float = 0.1  # odds that an effect stands in for an unmodelled torque as large as what it removes
