@@ -300,3 +300,13 @@ def test_an_identification_whose_noise_exceeds_the_torque_is_poor(demo: Measurem
     residual = _with_noise_share(replace(result.residual, noise_floor=floors), (0.0, 0.0))
     text = assessment(replace(result, residual=residual).document())
     assert text.startswith("Poor: noise is 150 % of the torque of joint1") and "Good" not in text
+
+
+def test_counts_are_known_to_a_uniform_error() -> None:
+    step, t = 2 * np.pi / 2**12, np.arange(4000) * 1e-3
+    y = np.round(np.sin(8 * t) / step) * step
+    assert white_noise(y[:, None])[0] == pytest.approx(step / np.sqrt(12), rel=0.02)
+    switched = np.where(np.sin(20 * t) > 0, 1.0, 0.0)  # its steps are no counts
+    assert white_noise(switched[:, None])[0] < 0.2 / np.sqrt(12)
+    fine = np.sin(8 * t) + 1e-5 * np.random.default_rng(0).standard_normal(len(t))
+    assert white_noise(fine[:, None])[0] == pytest.approx(1e-5, rel=0.1)

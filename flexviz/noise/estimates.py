@@ -23,7 +23,8 @@ def white_noise(y: Array) -> Array:
     The fourth difference removes any smooth motion; the median ignores the few samples at jumps. Where most
     differences are zero (a coarse encoder at rest) their standard deviation without outliers is used instead.
     Of a signal that repeats each value, as one recorded more slowly, only the new values count; held for k
-    samples, their noise is as strong at low frequencies as white noise √k times as large.
+    samples, their noise is as strong at low frequencies as white noise √k times as large. Counts are rounded:
+    their error is at least uniform.
     """
     return np.array([_white_noise(column) for column in y.T])
 
@@ -37,7 +38,20 @@ def _white_noise(column: Array) -> float:
     rounding = THRESHOLDS.rounding * float(np.max(np.abs(y)))
     if robust <= rounding:
         robust = _spread(difference, rounding)
-    return np.sqrt(held) * robust / DIFFERENCE_GAIN
+    return float(max(np.sqrt(held) * robust / DIFFERENCE_GAIN, UNIFORM * _count(column)))
+
+
+def _count(y: Array) -> float:
+    """The count of which the steps of a column (N,) are multiples; zero if they are not."""
+    steps = np.abs(np.diff(y))
+    steps = steps[steps > THRESHOLDS.rounding * float(np.max(np.abs(y)))]
+    if not len(steps):
+        return 0.0
+    count = float(np.quantile(steps, THRESHOLDS.count_quantile))
+    multiples = steps / count
+    on_grid = np.abs(multiples - np.round(multiples)) < THRESHOLDS.off_count
+    many = len(np.unique(np.round(y / count))) > THRESHOLDS.fewest_counts
+    return count if many and np.mean(on_grid) > THRESHOLDS.held_regularly else 0.0
 
 
 def sudden_noise(y: Array) -> Array:

@@ -24,6 +24,8 @@ class NoiseThresholds:
     held_regularly: float = 0.9  # share of the values that last a multiple of the same number of samples,
     held_steps: float = 3.0  # and steps in counts: an encoder at slow speed moves by single ones
     count_quantile: float = 0.05  # of the steps that are not 0: a count, whatever single values are between
+    fewest_counts: float = 16.0  # different ones in a signal that is in counts: one of fewer is switched
+    off_count: float = 0.01  # of a count, by which values that are counts may differ from a multiple
     counts_per_row: float = 4.0  # a column that moves by more and does not change repeats a value
     repeated: float = 1.1  # samples per new value from which a signal is one recorded more slowly
     stale: float = 0.05  # [s] a value that stands longer than this, and this many times as long as
