@@ -106,6 +106,9 @@ def test_a_settled_objective_ends_a_descent() -> None:
     whole.run(50)
     settled.run(50)
     assert settled.converged and settled.steps < whole.steps and abs(settled.gained) < 0.5
+    near = descent(start=np.array([1.0, 1.0 + 1e-3]), settled=0.5)  # a step promises 1e-4
+    near.run(50)
+    assert near.converged and near.steps == 0 and near.length**2 < 0.5
     started = descent(start=np.ones(2))
     started.run(50)
     assert started.converged and started.steps == 0

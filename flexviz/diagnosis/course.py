@@ -209,7 +209,7 @@ class Course:
                 return end, found
             self.view.banned = self.fine.banned = self.view.banned | {weak}
             coarse = self.view.without(end.coarse, weak)
-            lost = Gain(end.coarse.score.total - coarse.score.total, np.zeros(self.own.n), 0.0, True)
+            lost = Gain(end.coarse.score.total - coarse.score.total, np.zeros(self.own.n), 0.0)
             self.trace.append(Tried("drop", (), (weak,), lost, True, self.view.name))
             end = self.refined(self.completed(self.continued(coarse)))
 

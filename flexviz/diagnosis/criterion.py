@@ -158,13 +158,11 @@ class Gain:
         delta: decrease of J [nats].
         by_joint: shape (n,), the part of each joint [nats].
         held_out: decrease of the held-out part of J, without costs [nats].
-        smaller: whether the move only drops a part.
     """
 
     delta: float
     by_joint: Array
     held_out: float
-    smaller: bool = False
 
     @property
     def accepted(self) -> bool:
@@ -183,14 +181,11 @@ class Gain:
         )
 
 
-def gain(before: Score, after: Score, smaller: bool = False) -> Gain:
-    """What a move from one model to another gains: Δ = J(before) − J(after).
-
-    `smaller`: it only drops a part.
-    """
+def gain(before: Score, after: Score) -> Gain:
+    """What a move from one model to another gains: Δ = J(before) − J(after)."""
     by_joint = before.by_joint - after.by_joint
     held = float((before.held_out_by_joint - after.held_out_by_joint).sum())
-    return Gain(before.total - after.total, by_joint, held, smaller)
+    return Gain(before.total - after.total, by_joint, held)
 
 
 def confidence(gained: float, left: float) -> float:

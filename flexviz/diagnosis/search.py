@@ -138,8 +138,7 @@ class Search(Generic[Model]):
 
     def gain(self, before: Model, after: Model) -> Gain:
         """What a move gains."""
-        smaller = self.problem.parts(after) < self.problem.parts(before)
-        return gain(self.problem.score(before), self.problem.score(after), smaller)
+        return gain(self.problem.score(before), self.problem.score(after))
 
     def told(self, kind: str, before: Model, after: Model, accepted: bool) -> bool:
         """Keep a move in the trace; returns whether it is made."""
