@@ -7,7 +7,11 @@ samples of joint j, and N, their sum, belong to the recording: they are the same
 J(A) − J(C) = J(A) − J(B) + J(B) − J(C) along any path of moves, and changes sign with its direction. ε_j is
 the larger of the sensors' noise and of a tolerance: below it nothing counts. The best of K effects gains
 log K by chance alone; α is the probability that anything is found where nothing is missing. ½ log N is the
-price of a parameter (Schwarz, Annals of Statistics 6, 1978).
+price of a parameter (Schwarz, Annals of Statistics 6, 1978). Torque of variance u that a model does not know
+costs ½ log(1 + u/σ²) a sample.
+
+n_j comes from the correlation of what a model leaves. Where large slow errors have been explained, more of the
+rest is evidence: a search goes on from its end with the J of that model (`Coarse.renewed`).
 
 Which joint leaves how much is decided by its own residual: for residuals of unknown variance the likelihood
 is that of σ_j alone.
