@@ -10,8 +10,8 @@ log K by chance alone; α is the probability that anything is found where nothin
 price of a parameter (Schwarz, Annals of Statistics 6, 1978). Torque of variance u that a model does not know
 costs ½ log(1 + u/σ²) a sample.
 
-n_j comes from the correlation of what a model leaves. Where large slow errors have been explained, more of the
-rest is evidence: a search goes on from its end with the J of that model (`Coarse.renewed`).
+n_j comes from the correlation of what a model leaves. Where large slow errors have been explained, more of
+the rest is evidence: a search goes on from its end with the J of that model (`Coarse.renewed`).
 
 Which joint leaves how much is decided by its own residual: for residuals of unknown variance the likelihood
 is that of σ_j alone.
