@@ -47,6 +47,7 @@ class Coarse(Resolution[MotionFit]):
         self.context = context
         self._criterion: Criterion | None = None
         self._swapped = set[tuple[frozenset[ChosenEffect], ChosenEffect, ChosenEffect]]()  # rivals tried
+        self._worse = set[tuple[ChosenEffect, ChosenEffect]]()  # rivals that were far worse
         self._refused = dict[Hashable, float]()  # candidates and joints, and what they promised
         self.in_start = dict[ChosenEffect, Gain]()  # of what acts in first movements alone
 
@@ -300,6 +301,7 @@ class Coarse(Resolution[MotionFit]):
             gone = {effect, needed.get((effect.effect, effect.joint), effect)}
             here = frozenset(e for e in have if e.joint == effect.joint)
             others = [e for e in others if (here, effect, e) not in self._swapped]
+            others = [e for e in others if (effect, e) not in self._worse]
             self._swapped.update((here, effect, e) for e in others)
             if not others:
                 continue
@@ -310,7 +312,10 @@ class Coarse(Resolution[MotionFit]):
             for s in [s for s in ranked if s.effect != effect and s.gain > EFFORT.close * mine]:
                 self.say(f"trying: {EFFECTS[s.effect.effect].title}")
                 other = self.tried(with_candidates(there.fit, [s]), model.fit.objective)
-                if other is not None and not self.doubtful(other, model.layout):
+                far = EFFORT.reach * self.cost_of(s.effect)
+                if other is None or other.score.total > model.score.total + far:
+                    self._worse.add((effect, s.effect))
+                elif not self.doubtful(other, model.layout):
                     yield effect.joint, other
         for name, law in EFFECTS.items():
             for joint in range(self.own.n) if law.merges else ():
