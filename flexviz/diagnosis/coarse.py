@@ -179,6 +179,10 @@ class Coarse(Resolution[MotionFit]):
         """Joints whose model errs by more than noise and tolerance, shape (n,)."""
         return model.score.deviation > self.criterion.least * (1 + MOTION.noise_known)
 
+    def near(self, model: CoarseModel) -> bool:
+        """Whether what a model leaves may be due to reversals and gaps, hardly resolved here."""
+        return bool(np.all(model.score.deviation < MOTION.far * self.criterion.least))
+
     def smaller(
         self, model: CoarseModel, among: Collection[ChosenEffect] | None = None
     ) -> Iterator[CoarseModel]:

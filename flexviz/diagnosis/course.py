@@ -128,13 +128,18 @@ class Course:
         view = self.view
         plain = without_curves(coarse.fit)
         fine = self.fine.begin(plain.layout, plain.x, STEPS if plain.layout == coarse.layout else 0)
-        end = SearchEnd(coarse, fine, at_noise=True)
-        if end.curves or self.errs(coarse, fine):
-            return replace(end, at_noise=False)
+        end = SearchEnd(coarse, fine, at_noise=False)
+        errs = self.errs(coarse, fine)
+        if end.curves or (errs and not view.near(coarse)):
+            return end
         self.tell(SearchStage.FINE)
-        found = Search(self.fine, trace=self.trace).run(fine)
+        trace = list[Tried]()
+        found = Search(self.fine, trace=trace).run(fine)
         if found.layout != coarse.layout:
             coarse = view.fit(found.layout, found.fit.x)
+        if errs and self.errs(coarse, found):  # its effects imitate an error that counts
+            return end
+        self.trace += trace
         return SearchEnd(coarse, found, True, changing_size(self.fine, found))
 
     def errs(self, coarse: CoarseModel, fine: FineModel) -> bool:

@@ -31,7 +31,6 @@ from flexviz.identification.uncertainty import Stated
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.motion import MOTION, MotionContext, MotionFit, Phase, Phases, Residuals, deviations, usual_model
 
-FAR = 5.0  # times tolerance and noise, from which unknown torques at reversals do not explain an error
 TIGHT = 1e-3  # change of the objective that ends the last fit
 
 
@@ -125,7 +124,7 @@ class Estimator:
                 motion = self.context.fit(layout, motion.x, check=check)
                 sigma, least = self.judged(motion)
         errs = sigma > (1 + MOTION.noise_known) * least
-        if not errs.any() or (layout.has_reversals and np.all(sigma < FAR * least)):
+        if not errs.any() or (layout.has_reversals and np.all(sigma < MOTION.far * least)):
             refined = self.refined(layout, motion.x, errs, least, check, report)
             if refined is not None:
                 return refined

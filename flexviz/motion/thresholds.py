@@ -11,6 +11,7 @@ class MotionThresholds:
 
     tolerance: float = 0.003  # of a joint's torque spread: what laws leave that are right
     noise_known: float = 0.02  # relative error of the noise's standard deviation
+    far: float = 5.0  # times tolerance and noise, from which reversals do not explain an error
     outlier: float = 2.5  # [standard deviations] from which a residual counts linearly
     computed_spread: float = 0.2  # relative standard deviation of CAD inertias, and of an even friction split
     rough_spread: float = 0.4  # that of the set's stiffness and motor inertia
