@@ -20,7 +20,7 @@ from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import Whitener
 from flexviz.measurements import read_set
 from flexviz.motion import MotionContext, MotionFit
-from flexviz.motion import fit as motion_fit
+from flexviz.motion import samples as motion_samples
 from flexviz.recent import Recent
 from flexviz.resources import sessions_dir
 
@@ -82,8 +82,8 @@ def test_a_long_slow_record_has_about_as_many_samples_as_it_may(
         groups.append(replace(group, segments=slow))
     fitted = [s for g in groups if not g.validation for s in g.segments]
     raw = round(sum(float(np.ptp(s.time)) for s in fitted) / 0.01)
-    monkeypatch.setattr(motion_fit, "SAMPLES", int(raw * samples_wanted))
-    monkeypatch.setattr(motion_fit, "HERTZ", 8.0)  # sampled every 16 ms if the record were short
+    monkeypatch.setattr(motion_samples, "SAMPLES", int(raw * samples_wanted))
+    monkeypatch.setattr(motion_samples, "HERTZ", 8.0)  # sampled every 16 ms if the record were short
     found = MotionContext(replace(measurements, groups=tuple(groups)), measurements.joints)
     assert {block.stride for block in found.signals.blocks} == {stride}
 

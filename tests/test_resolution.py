@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.candidates import with_offsets_merged, without
-from flexviz.diagnosis.coarse import Coarse, CoarseModel, alternatives
+from flexviz.diagnosis.candidates import alternatives, with_offsets_merged, without
+from flexviz.diagnosis.coarse import Coarse, CoarseModel
 from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.fit_context import FitContext

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit, Fitted, Judged
 from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence, everywhere
+from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, EffectEvidence, everywhere, family_of
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate
 from flexviz.measurements import Group
@@ -142,3 +142,12 @@ def credible(fit: Judged, effect: ChosenEffect, raw_step: float, explained: bool
     top_speed, travel = float(np.max(np.abs(fit.velocity[:, joint]))), float(np.ptp(fit.position[:, joint]))
     evidence = EffectEvidence(fit.torque[:, joint], raw_step, viscous, top_speed, travel, explained)
     return EFFECTS[effect.effect].credible(fit.x[layout.effect_slice(effect)], evidence)
+
+
+def alternatives(effect: str) -> Iterable[str]:
+    """Names of effects for which one of a joint may be exchanged."""
+    law, family = EFFECTS[effect], family_of(effect)
+    names = [law.replaces, law.instead_of, *(EFFECT_FAMILIES[family] if family else ())]
+    names += [name for name, other in EFFECTS.items() if effect in (other.replaces, other.instead_of)]
+    laws = {n: EFFECTS[n] for n in names if n and n != effect}
+    return [n for n, law in laws.items() if law.scope == "joint" and law.beside is None]

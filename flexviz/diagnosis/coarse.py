@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import (
     OFFSET,
+    alternatives,
     candidates,
     offsets_of_springs,
     with_candidates,
@@ -21,11 +22,11 @@ from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, criterion_of
 from flexviz.diagnosis.elimination import Linearised, eliminated
 from flexviz.diagnosis.fit_context import STEPS
 from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
-from flexviz.diagnosis.unknown_curve import best_curve, is_curve
-from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect, family_of
+from flexviz.diagnosis.unknown_curve import best_curve, curve_cost, is_curve
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Descent, ScoredCandidate, shares_alone, torque_scale
-from flexviz.motion import MOTION, Known, MotionContext, MotionFit, Phase, plain_model, usual_model
+from flexviz.motion import MOTION, Known, MotionContext, MotionFit, plain_model, usual_model
 
 Array = NDArray[np.float64]
 
@@ -91,11 +92,6 @@ class Coarse(Resolution[MotionFit]):
         self._swapped = {one for one in self._swapped if one[1].joint in known}
         samples = np.maximum(now.samples, before.samples)
         return self.measured_by(model.fit, replace(now, samples=samples))
-
-    @property
-    def rests(self) -> bool:
-        """Whether joints stand still anywhere."""
-        return any(bool(np.any(phase < Phase.MOTION)) for phase in self.context.phases)
 
     # -- fits
 
@@ -191,8 +187,7 @@ class Coarse(Resolution[MotionFit]):
         yield from super().smaller(model, among)
 
     def firm(self, layout: Layout) -> set[ChosenEffect]:
-        curves = filter(is_curve, layout.effects)
-        return {*super().firm(layout), *curves, *offsets_of_springs(layout)}
+        return {*super().firm(layout), *filter(is_curve, layout.effects), *offsets_of_springs(layout)}
 
     def alone(self, model: CoarseModel, joint: int | None) -> dict[str, float]:
         """Effect → share of its joint's error that it alone would remove; `joint`: None for all others."""
@@ -353,20 +348,3 @@ class Coarse(Resolution[MotionFit]):
             curve, _ = best_curve(model.fit, joint)
             layout = model.layout.with_effects((*model.layout.effects, curve))
             yield joint, self.fit(layout, layout.vector(model.layout.model(model.fit.x)))
-
-
-def alternatives(effect: str) -> Iterable[str]:
-    """Names of effects for which one of a joint may be exchanged."""
-    law, family = EFFECTS[effect], family_of(effect)
-    names = [law.replaces, law.instead_of, *(EFFECT_FAMILIES[family] if family else ())]
-    names += [name for name, other in EFFECTS.items() if effect in (other.replaces, other.instead_of)]
-    laws = {n: EFFECTS[n] for n in names if n and n != effect}
-    return [n for n, law in laws.items() if law.scope == "joint" and law.beside is None]
-
-
-def curve_cost(fit: MotionFit, where: slice) -> float:
-    """½ log det(1 + C G) of a curve with prior covariance C and information G [nats]."""
-    free = np.diag(fit.information)[where] > 0
-    prior = fit.prior_derivatives[1][where, where][np.ix_(free, free)]
-    known = fit.information[where, where][np.ix_(free, free)]
-    return 0.5 * float(np.linalg.slogdet(prior + known)[1] - np.linalg.slogdet(prior)[1])

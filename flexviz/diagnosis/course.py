@@ -25,7 +25,7 @@ from flexviz.equation import layout_of
 from flexviz.estimation import Covariance
 from flexviz.identification import Estimate, Estimator
 from flexviz.measurements import MeasurementSet
-from flexviz.motion import MotionContext, Phases
+from flexviz.motion import MotionContext, Phase, Phases
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
 from flexviz.statistics import NORMAL_95
@@ -165,7 +165,8 @@ class Course:
             self.news = replace(self.news, alone={**self.news.alone, **view.alone(bare, joint)})
             self.say(SearchStage.SURVEY)
         self.say(SearchStage.USUAL)
-        if view.rests and view.context.set_standstill_apart(view.rich().fit):
+        rests = any(bool(np.any(phase < Phase.MOTION)) for phase in view.context.phases)
+        if rests and view.context.set_standstill_apart(view.rich().fit):
             bare = view.begin()
         self.say(SearchStage.SEARCH)
         end = self.walked(bare)

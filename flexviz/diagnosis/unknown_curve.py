@@ -50,3 +50,11 @@ def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:
     gram, along = fit.projection.normal(weighted.reshape(-1, weighted.shape[2]))
     prior = start.prior.gradient_and_hessian(start.x)[1][where, where][np.ix_(free, free)]
     return float(along @ np.linalg.solve(gram + prior, along))
+
+
+def curve_cost(fit: MotionFit, where: slice) -> float:
+    """½ log det(1 + C G) of a curve with prior covariance C and information G [nats]."""
+    free = np.diag(fit.information)[where] > 0
+    prior = fit.prior_derivatives[1][where, where][np.ix_(free, free)]
+    known = fit.information[where, where][np.ix_(free, free)]
+    return 0.5 * float(np.linalg.slogdet(prior + known)[1] - np.linalg.slogdet(prior)[1])

@@ -22,13 +22,10 @@ from flexviz.equation import (
     Layout,
     LinkTerms,
     OperatingPoint,
-    Signals,
-    build_signals,
     layout_of,
 )
 from flexviz.errors import InputError
 from flexviz.estimation import (
-    LONGEST_EDGE,
     Covariance,
     Descent,
     FittedModel,
@@ -42,21 +39,18 @@ from flexviz.estimation import (
     start_values,
     with_model_error,
 )
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.measurements import MeasurementSet
 from flexviz.motion.robust import robust_weights
-from flexviz.motion.samples import Phase, Phases, phases
+from flexviz.motion.samples import Phase, Phases, motion_signals, phases
 from flexviz.motion.start import firm_start
 from flexviz.motion.thresholds import MOTION
 from flexviz.motion.unknown import has_gaps, unknown_variance
 from flexviz.noise import segments_noise
-from flexviz.observers import ButterworthZeroPhase
 from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-HERTZ = 7.0  # band of the motion
-SAMPLES = 1000  # of a record, with eight to four of a cycle at the edge of the band
 STEPS = 20  # of a fit at most
 STARTS = 8  # of models that are kept
 SETTLED = 0.5  # change of the objective that ends a fit
@@ -233,10 +227,10 @@ class MotionContext:
         self, measurements: MeasurementSet, joints: tuple[str, ...], stand_ins: bool = False
     ) -> None:
         self.measurements, self.stand_ins = measurements, stand_ins
-        self.parts = [self._signals(measurements.fit_groups)]
+        self.parts = [motion_signals(measurements, measurements.fit_groups)]
         if measurements.validation_groups:
             with suppress(InputError):  # too short for the band: they are not judged
-                self.parts.append(self._signals(measurements.validation_groups))
+                self.parts.append(motion_signals(measurements, measurements.validation_groups))
         self.signals = self.parts[0]
         self.first_phase: Phases = np.full(len(joints), Phase.REST, np.int8)
         self._shared = [dict[object, Any]() for _ in self.parts]
@@ -254,15 +248,6 @@ class MotionContext:
         self.least: Array = np.maximum(
             (1 + MOTION.noise_known) * self.noise_floor, MOTION.tolerance * self.spread
         )
-
-    def _signals(self, groups: tuple[Group, ...]) -> Signals:
-        duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
-        made = build_signals(
-            self.measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ),
-            sample_step=float(np.clip(duration / SAMPLES, 1 / (8 * HERTZ), 1 / (4 * HERTZ))),
-            exact_step=True, longest_edge=LONGEST_EDGE,
-        )  # fmt: skip
-        return replace(made, sharp=True)
 
     @cached_property
     def phases(self) -> list[Phases]:

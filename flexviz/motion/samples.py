@@ -1,16 +1,34 @@
-"""Samples of a motion: which count."""
+"""Samples of a motion: in its band, and which count."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Signals
+from flexviz.equation import Signals, build_signals
+from flexviz.estimation import LONGEST_EDGE
+from flexviz.measurements import Group, MeasurementSet
 from flexviz.motion.thresholds import MOTION
+from flexviz.observers import ButterworthZeroPhase
 
 Phases = NDArray[np.int8]
+
+HERTZ = 7.0  # band of the motion
+SAMPLES = 1000  # of a record, with eight to four of a cycle at the edge of the band
+
+
+def motion_signals(measurements: MeasurementSet, groups: tuple[Group, ...]) -> Signals:
+    """Signals of some groups in the band of the motion. InputError if they are too short for it."""
+    duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
+    made = build_signals(
+        measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ),
+        sample_step=float(np.clip(duration / SAMPLES, 1 / (8 * HERTZ), 1 / (4 * HERTZ))),
+        exact_step=True, longest_edge=LONGEST_EDGE,
+    )  # fmt: skip
+    return replace(made, sharp=True)
 
 
 class Phase(IntEnum):
