@@ -216,7 +216,10 @@ class Course:
             self.view.banned = self.fine.banned = self.view.banned | {weak}
             coarse = self.view.without(end.coarse, weak)
             lost = Gain(end.coarse.score.total - coarse.score.total, np.zeros(self.own.n), 0.0)
-            self.trace.append(Tried("drop", (), (weak,), lost, True, self.view.name))
+            old, new = self.view.parts(end.coarse), self.view.parts(coarse)
+            kind = "drop" if new < old else "swap"  # a spring leaves an offset
+            moved = Tried(kind, tuple(new - old), tuple(old - new), lost, True, self.view.name)
+            self.trace.append(moved)
             end = self.refined(self.completed(self.continued(coarse)))
 
     def continued(self, coarse: CoarseModel) -> CoarseModel:
