@@ -29,8 +29,6 @@ from flexviz.estimation import Descent, ScoredCandidate, shares_alone, torque_sc
 from flexviz.motion import MOTION, Known, MotionContext, MotionFit, plain_model, usual_model
 
 Array = NDArray[np.float64]
-
-FIRST_STEPS = 2  # of a trial, after which it may be given up
 CoarseModel = Model[MotionFit]
 
 
@@ -107,7 +105,7 @@ class Coarse(Resolution[MotionFit]):
         def watch(descent: Descent[MotionFit]) -> bool:
             # a step of length l promises a decrease of l² where the model is nearly linear
             promised = EFFORT.reach * descent.length**2
-            return descent.steps >= FIRST_STEPS and descent.place.objective - promised > hopeless
+            return descent.steps >= EFFORT.first_steps and descent.place.objective - promised > hopeless
 
         fit = self.context.fit(start.layout, start.x, check=self.check, settled=self.settled, watch=watch)
         return None if fit.ended else self.model(fit)

@@ -20,8 +20,6 @@ from flexviz.motion import MOTION, Known
 Array = NDArray[np.float64]
 FineModel = Model[Fit]
 
-FIRST_STEPS = 2  # by which the starts of a trial are compared
-
 
 class Fine(Resolution[Fit]):
     """Models of one set in units of the noise.
@@ -149,7 +147,7 @@ class Fine(Resolution[Fit]):
         self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
         starts = self.starts(model.fit, scored)
         if len(starts) > 1:  # far from the noise, steps from a bad start lead nowhere
-            begun = [self.trial(at, model.fit, FIRST_STEPS) for at in starts]
+            begun = [self.trial(at, model.fit, EFFORT.first_steps) for at in starts]
             starts = [min(begun, key=lambda fit: fit.objective)]
         return self.model(self.trial(starts[0], model.fit, STEPS))
 

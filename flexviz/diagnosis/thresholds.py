@@ -29,6 +29,7 @@ class SearchThresholds:
 
     rounds: int = 40  # moves at most
     best: int = 3  # candidates of a joint that are fitted, by their scores
+    first_steps: int = 2  # of a trial, by which its starts are compared, or after which it may be given up
     reach: float = 3.0  # times what its score promises, that a candidate may gain
     close: float = 0.8  # of what its score promises, that a rival has to promise to be tried in its place
     again: float = 1.5  # times what it promised, from which a refused candidate is tried again
