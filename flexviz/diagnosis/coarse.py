@@ -71,9 +71,8 @@ class Coarse(Resolution[MotionFit]):
         """The model of a fit, from which on J is measured by a criterion."""
         self._criterion = criterion
         count = np.sum([used.sum(axis=0) for used in self.context.used], axis=0)
-        # an objective is twice a sum over samples, of which few are independent
-        self.settled = 2 * LIMITS.settled * float(count.sum() / self._criterion.samples.sum())
-        self.independent = self._criterion.samples / np.maximum(count, 1)  # share of the samples, (n,)
+        self.settled = criterion.settled(float(count.sum()))
+        self.independent = criterion.samples / np.maximum(count, 1)  # share of the samples, (n,)
         return self.model(fit)
 
     def renewed(self, model: CoarseModel) -> CoarseModel | None:

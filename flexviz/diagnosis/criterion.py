@@ -85,6 +85,13 @@ class Criterion:
         """What an effect costs besides its parameters [nats]."""
         return float(np.log(max(self.choices, 1) / LIMITS.false_alarm))
 
+    def settled(self, count: float) -> float:
+        """Change of an objective, twice a sum over so many samples, by which J hardly changes.
+
+        Few of these samples are independent.
+        """
+        return 2 * LIMITS.settled * count / float(self.samples.sum())
+
     def cost(self, parameters: int, effects: int, places: int = 1) -> float:
         """Of effects with so many parameters together; `places`: where or when each may act [nats]."""
         return parameters * self.of_parameter + effects * self.of_effect + float(np.log(places))

@@ -51,9 +51,7 @@ class Fine(Resolution[Fit]):
         least = (1 + MOTION.noise_known) * np.sqrt(1 + LIMITS.exactness**2 * explained)
         parts = self.residuals(fit)
         self._criterion = criterion_of(parts, least, self.choices)
-        # an objective is twice a sum over samples, of which not all are independent
-        count = sum(float(part.used.sum()) for part in parts)
-        self.settled = 2 * LIMITS.settled * count / float(self._criterion.samples.sum())
+        self.settled = self._criterion.settled(sum(float(part.used.sum()) for part in parts))
         return self.model(fit)
 
     # -- fits
