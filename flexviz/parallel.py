@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextvars import ContextVar
@@ -27,6 +28,7 @@ Result = TypeVar("Result")
 
 MOST_CORES = 4  # more of them wait for one another
 STOP_SECONDS = 0.05  # [s] between two looks whether to stop
+ALONE_SECONDS = 0.15  # [s] that one core works before others join: they cost as much
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
 _should_stop: ContextVar[StopCallback] = ContextVar("should_stop", default=never)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
@@ -89,9 +91,17 @@ def _return_freed() -> None:
 
 
 def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """`[function(item) for item in items]`, by several cores where they are allowed."""
+    """`[function(item) for item in items]`, by several cores where they are allowed.
+
+    What takes less than `ALONE_SECONDS` is done by one: processes cost more than they save.
+    """
     work, found, futures = list(items), dict[int, Result](), dict[int, Future[Result]]()
-    count = max(1, min(_allowed.get(), len(work)))
+    cores, end = _allowed.get(), time.perf_counter() + ALONE_SECONDS
+    with on_cores(1):
+        while len(found) < len(work) and (cores == 1 or time.perf_counter() < end):
+            found[len(found)] = function(work[len(found)])
+    rest = range(len(found), len(work))
+    count = max(1, min(cores, len(rest)))
     should_stop = _should_stop.get()
     if should_stop():  # what is done after a stop is not stopped by it
         should_stop = never
@@ -99,9 +109,9 @@ def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
         if count > 1:
             with contextlib.suppress(OSError):  # no more processes or files: all is done here
                 pool = opened.enter_context(_processes(function, work, count - 1))
-                futures |= {k: pool.submit(_piece, k) for k in range(len(work)) if k % count}
+                futures |= {k: pool.submit(_piece, k) for k in rest if k % count}
         with on_cores(1):  # no processes of processes
-            found |= {k: function(work[k]) for k in range(0, len(work), count)}
+            found |= {k: function(work[k]) for k in rest if k not in futures}
         while wait(futures.values(), STOP_SECONDS).not_done and not should_stop():
             pass
     for k, future in futures.items():

@@ -27,6 +27,12 @@ from flexviz.parallel import (
 TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Others join at once, as they do where there is much to do."""
+    monkeypatch.setattr(parallel, "ALONE_SECONDS", 0.0)
+
+
 def test_one_core_is_the_default() -> None:
     here = os.getpid()
     assert shared(lambda k: (k, os.getpid()), range(3)) == [(k, here) for k in range(3)]
@@ -47,6 +53,26 @@ def test_the_work_is_shared() -> None:
 
     with on_cores(2):
         assert len(set(shared(piece, range(6)))) == 2
+
+
+@TWO
+def test_what_is_little_work_is_not_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "ALONE_SECONDS", 0.03)
+    monkeypatch.setattr(os, "fork", lambda: pytest.fail("forked"))
+    with on_cores(2):
+        assert shared(abs, range(6)) == list(range(6))
+
+
+@TWO
+def test_one_core_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    def piece(_: int) -> int:
+        time.sleep(0.02)
+        return os.getpid()
+
+    monkeypatch.setattr(parallel, "ALONE_SECONDS", 0.03)
+    with on_cores(2):
+        here = [process == os.getpid() for process in shared(piece, range(12))]
+    assert all(here[:2]) and not all(here)
 
 
 @TWO

@@ -141,6 +141,7 @@ class Diagnose(SetTask[DiagnosedSet]):
             measurements,
             apply=self.apply,
             free_curve=False,  # has a button of its own
+            survey=True,
             progress=LeadingLaw(measurements, progress),
             should_stop=should_stop,
         )

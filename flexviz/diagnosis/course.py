@@ -71,12 +71,15 @@ class Course:
         trace: the moves that were tried.
         stopped: by the user.
         searching: whether the user can stop it.
+        survey: whether it is told what each effect alone would remove.
     """
 
     def __init__(
-        self, measurements: MeasurementSet, progress: ProgressCallback | None, should_stop: StopCallback
-    ) -> None:
+        self, measurements: MeasurementSet, progress: ProgressCallback | None, should_stop: StopCallback,
+        survey: bool = False,
+    ) -> None:  # fmt: skip
         self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
+        self.survey = survey
         self.began, self.stopped, self.searching = time.perf_counter(), False, True
         self.pace, self.news = Pace(STAGE_SHARES), Progress()
         self.own = layout_of(measurements)
@@ -161,7 +164,7 @@ class Course:
         self.fitted(bare.fit)
         if not view.loud(bare).any():
             return bare
-        for joint in (*range(self.own.n), None) if self.progress else ():
+        for joint in (*range(self.own.n), None) if self.survey else ():
             self.news = replace(self.news, alone={**self.news.alone, **view.alone(bare, joint)})
             self.say(SearchStage.SURVEY)
         self.say(SearchStage.USUAL)

@@ -43,6 +43,7 @@ def diagnose(
     guarded: bool | None = None,
     free_curve: bool | None = None,
     decoys: bool = False,
+    survey: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> Diagnosis:
@@ -62,6 +63,7 @@ def diagnose(
             of what no effect explains. Default: only if the effects were estimated together with one.
         decoys: whether candidates that cannot be right compete with the real ones: how many of them are
             accepted tells how often the search would accept an accident.
+        survey: whether `progress` is told at the beginning what each effect alone would remove.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
@@ -69,7 +71,7 @@ def diagnose(
     notes += noise_notes(measurements)
     should_stop = should_stop or never
     with threadpool_limits(1, "blas"), stopped_by(should_stop), existing_objects_kept():
-        course = Course(measurements, progress, should_stop)
+        course = Course(measurements, progress, should_stop, survey)
         course.view.decoys = course.fine.decoys = decoys
         end = course.run()
         with stopped_by(never):
