@@ -91,6 +91,16 @@ def increases(values: Array) -> bool:
     return bool((steps >= 0).all() and np.count_nonzero(steps) > (1 - LIMITS.repeated_instants) * len(steps))
 
 
+def coarse_clock(table: LogTable) -> tuple[str, float] | None:
+    """A column called a time that is coarser than its even rows are spaced, and their step [s]."""
+    for name, values in table.columns.items():
+        if called_time(name) and not increases(values):
+            size = TIME.get(table.units.get(name) or unit_in(name) or "s", 1.0)
+            if (step := even_step(finite(values) * size)) is not None and len(finite(values)) == len(values):
+                return name, step
+    return None
+
+
 def called_time(name: str) -> bool:
     return bool(TIME_WORDS & set(words(name))) or unit_in(name) in TIME
 
@@ -120,10 +130,40 @@ def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[I
         lost = int(np.count_nonzero(~fresh))
         if lost > LIMITS.repeated_instants * len(fresh):
             message = f"{lost} of {len(fresh)} instants repeat the one before, expected a finer clock"
+            if (step := even_step(time[rows])) is not None:
+                message += (
+                    f"; the rows are evenly spaced as far as this clock shows: state step = {step:.9g} in "
+                    "[time] instead of its column"
+                )
+            elif from_bag:
+                message += ': clock = "log" in [time] takes the instants at which messages were received'
             raise InputError(message, file=file, place=what)
         rows = rows[fresh]
         notes.append(f"{what}: {lost} rows that repeat the instant before were dropped")
     return rows, notes
+
+
+def even_step(time: Array) -> float | None:
+    """The step [s] of evenly spaced rows (N,) by a clock that is coarser; None where they are not even.
+
+    Rounded to its resolution r, an even clock stays within a band of the width r about a straight line. The
+    step is the shortest decimal number with which it does.
+    """
+    steps = np.diff(time)
+    rises = steps[steps > 0]
+    if len(time) < SHORTEST or not len(rises) or np.any(steps < 0):
+        return None
+    resolution, rows = float(np.min(rises)), np.arange(len(time))
+    band = resolution + 8 * float(np.spacing(np.max(np.abs(time))))
+    middle = float(time[-1] - time[0]) / (len(time) - 1)
+    error = resolution / (len(time) - 1)
+    unit = 10.0 ** np.ceil(np.log10(middle))
+    while unit > 0.01 * error:
+        unit /= 10
+        for count in range(max(1, int(np.ceil((middle - error) / unit))), int((middle + error) / unit) + 1):
+            if np.ptp(time - count * unit * rows) <= band:
+                return float(f"{count * unit:.12g}")
+    return None
 
 
 def guess_clocks(log: Log, used: Sequence[str]) -> dict[str, str] | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.checking import check_all
-from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
+from flexviz.importing.clocks import coarse_clock, guess_clocks, guess_unit, likely_clocks
 from flexviz.importing.column_names import FORCE, LENGTH
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
 from flexviz.importing.cross_checks import find_scales
@@ -130,6 +130,11 @@ def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
     # where nothing was recognised, the signals are likely in the table with the most columns
     widest = max((list(table.columns) for table in log.tables), key=len, default=[])
     chosen = guess_clocks(log, used or widest[:1])
+    if chosen is None and (coarse := coarse_clock(log.columns[(used or widest)[0]])) is not None:
+        name, step = coarse
+        draft.time = {"step": step}
+        draft.time_comment = f'seconds per row: "{name}" is coarser, and even as far as it shows'
+        return {}
     if chosen is None:
         missing = "[time] column, or step = seconds from row to row: no column looks like a time"
         draft.missing.append(missing)
