@@ -14,7 +14,8 @@ from flexviz.importing.formats.base import SHORTEST, Log
 from flexviz.importing.mapping import NEEDED, SIGNALS, LogEntry, Mapping, TorqueColumn
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTable, interpolate
-from flexviz.noise import Channel, outliers, unwrapped
+from flexviz.noise import Channel, outliers, sign_magnitude, unwrapped
+from flexviz.wording import number
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +102,8 @@ def read_traces(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> tupl
             found = f'"{signal.column}" has {count} values in {log.file.name}'
             raise InputError(f"{found}, expected at least {SHORTEST}", file=file, place=place)
         raw, time, rows = raw[known], time[known], rows[known]
+        if signal.sign_bit is not None:
+            raw = decoded(raw, signal.sign_bit, rows, signal.column, log.file)
         if signal.wrap is not None:
             raw = unwrapped(raw, signal.wrap, centred=isinstance(signal, TorqueColumn))
         if signal.fresh:
@@ -114,6 +117,22 @@ def read_traces(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> tupl
         )  # fmt: skip
     assert origin is not None
     return without_jumps(traces, entry, notes), float(origin.raw[0]) * origin.unit, notes
+
+
+def decoded(raw: Array, bit: int, rows: Indices, column: str, file: Path) -> Array:
+    """A register's numbers (N,) by their sign bit; negative ones have been decoded already.
+
+    Raises:
+        InputError: a number needs further bits, or is no whole one.
+    """
+    wrong = (raw >= 2.0 ** (bit + 1)) | ((raw >= 2.0**bit) & (raw != np.round(raw)))
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        message = (
+            f"holds {number(raw[k], 12)}, expected a whole number below 2^{bit + 1} with sign_bit = {bit}"
+        )
+        raise InputError(message, file=file, place=f"row {rows[k] + 1}, column {column}")
+    return sign_magnitude(raw, bit)
 
 
 def _complete_rows(log: Log, mapping: Mapping, file: Path) -> dict[str, Bools]:

@@ -60,6 +60,7 @@ class SignalColumn(StrictTable):
     offset: Number = 0.0  # [rad] or [Nm] at the joint, added last
     time: Text | None = None  # its own time column, where it is not the usual one
     missing: Number | None = None  # a number of the column that stands for a missing value
+    sign_bit: Annotated[int, Field(ge=0, le=62)] | None = None  # 1: minus the number of the lower bits
     wrap: Positive | None = None  # period by which the column overflows, in its own unit
     fresh: bool = False  # only values that differ from the one before
 

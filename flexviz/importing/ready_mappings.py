@@ -34,6 +34,7 @@ class SignalColumns(StrictTable):
     unit: Text | Number | None = None
     side: Literal["joint", "motor"] = "joint"
     offset: Number = 0.0
+    sign_bit: int | None = None  # of a register in sign-magnitude form
     current: bool = False  # counts of a current: `unit` is their size in A
     behind_gear: bool = False  # τ of a joint torque sensor
     means: str = ""  # of τ: what it contains
@@ -67,6 +68,7 @@ class SignalColumns(StrictTable):
         stated: dict[str, Any] = {"unit": self.unit} if own is None and isinstance(self.unit, float) else {}
         stated |= {"side": "motor"} if self.side == "motor" else {}
         stated |= {"offset": self.offset} if self.offset else {}
+        stated |= {"sign_bit": self.sign_bit} if self.sign_bit is not None else {}
         return ColumnFamily(pattern(list(columns.values())), columns, said, "controller", stated)
 
 
@@ -77,7 +79,9 @@ class ReadyMapping(StrictTable):
     """A controller's own names."""
 
     title: Text
-    mark: Text | None = None  # a further column by which it is recognised
+    marks: list[list[Text]] = Field(
+        default_factory=list
+    )  # further columns by any set of which it is recognised
     time: TimeColumn | None = None
     theta: Entries
     tau: Entries
@@ -88,7 +92,7 @@ class ReadyMapping(StrictTable):
     def roles(self, log: Log, joints: Sequence[str]) -> tuple[dict[str, ColumnFamily], SignalColumns | None]:
         """Signal -> its columns, and the entry of τ; {} where the log is not of this kind."""
         names = list(log.columns)
-        if self.mark is not None and not any(re.fullmatch(self.mark, x, re.IGNORECASE) for x in names):
+        if self.marks and not any(all(_among(names, mark) for mark in marks) for marks in self.marks):
             return {}, None
         roles: dict[str, ColumnFamily] = {}
         torque: SignalColumns | None = None
@@ -102,6 +106,11 @@ class ReadyMapping(StrictTable):
             if signal == "theta" and not roles:
                 return {}, None
         return roles, torque
+
+
+def _among(names: Sequence[str], mark: str) -> bool:
+    """Whether one of a log's columns has this name, by itself or behind a joint's."""
+    return any(re.fullmatch(rf"(.*[^a-z])?{mark}.*", name, re.IGNORECASE) for name in names)
 
 
 @lru_cache(maxsize=1)

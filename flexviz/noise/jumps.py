@@ -14,13 +14,13 @@ from flexviz.arrays import Array, Indices
 from flexviz.measurements import Segment, likely_limits
 from flexviz.noise.estimates import white_noise
 from flexviz.noise.findings import Channel, Remedy, SampleFinding, worst_of_columns
+from flexviz.noise.registers import BITS, counter_periods, overflow, sign_bit, sign_magnitude, unwrapped
 from flexviz.noise.repeats import new_rows
 from flexviz.noise.thresholds import THRESHOLDS
 from flexviz.robot import Robot
 from flexviz.wording import number
 
 TURNS = (2 * np.pi, 360.0)
-BITS = range(8, 33)  # of a counter
 SHORTEST = 32  # samples that a repair has to leave
 PASSES = 10  # over samples that jump away and back
 
@@ -43,7 +43,9 @@ def check_jumps(channel: Channel, fastest: float, prismatic: bool) -> list[Sampl
     if channel.signal == "theta":
         at = jumped(channel, fastest)
         return [_cause(channel, at, fastest, "m" if prismatic else "rad")] if len(at) else []
-    if period := overflow(channel.values, _counts(channel.values)):
+    if (bit := sign_bit(channel.values)) is not None:
+        return [_signed(channel, bit)]
+    if period := overflow(channel.values, counter_periods(channel.values)):
         return [_wrapped(channel, period, np.flatnonzero(np.abs(np.diff(channel.values)) > period / 2) + 1)]
     return [_dropped(channel, value, at) for value, at in dropped(channel)][:1]
 
@@ -94,7 +96,9 @@ def _cause(channel: Channel, at: Indices, fastest: float, unit: str) -> SampleFi
     time, values = channel.time, channel.values
     if channel.incomplete is not None and ends(time[~channel.incomplete], values[~channel.incomplete]):
         return _messages(channel, at, unit)
-    period = overflow(values, [*TURNS, 2 * np.pi / channel.size, *_counts(values)])
+    if (bit := sign_bit(values)) is not None and ends(time, sign_magnitude(values, bit)):
+        return _signed(channel, bit)
+    period = overflow(values, [*TURNS, 2 * np.pi / channel.size, *counter_periods(values)])
     if period is None:
         usual = np.median(
             np.diff(values)[np.clip([at - 2, at], 0, len(values) - 2)], axis=0
@@ -143,41 +147,7 @@ def _messages(channel: Channel, at: Indices, unit: str) -> SampleFinding:
     )
 
 
-# -- overflow ------------------------------------------------------------------------------------------------
-
-
-def overflow(values: Array, periods: Sequence[float]) -> float | None:
-    """The largest of `periods` by which `values` (N,) jump and are continuous otherwise; None: by none."""
-    steps = np.abs(np.diff(values))
-    for period in sorted(periods, reverse=True):
-        far = steps > period / 2
-        if not far.any() or far.all():
-            continue
-        usual = float(np.max(steps[~far]))
-        rest = np.abs(steps[far] - period * np.round(steps[far] / period))
-        if usual < period / 4 and np.max(rest) <= max(2 * usual, 1e-3 * period):
-            return float(period)
-    return None
-
-
-def _counts(values: Array) -> list[float]:
-    """2⁸ … 2³² counts, in the unit of `values`, where these are whole numbers of counts."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9 * np.max(np.abs(values))]
-    if not len(steps):
-        return []
-    for count in (1.0, float(np.min(steps))):
-        numbers = values / count
-        if np.all(np.abs(numbers - np.round(numbers)) < 1e-3):
-            return [count * 2.0**bits for bits in BITS]
-    return []
-
-
-def unwrapped(values: Array, period: float, centred: bool = False) -> Array:
-    """`values` (N,) without jumps by `period`, beginning within half of it, or `centred` about 0."""
-    first = (values[0] + period / 2) % period - period / 2
-    continued = np.unwrap(values - values[0], period=period) + first
-    return continued - period * np.round(np.median(continued) / period) if centred else continued
+# -- registers -----------------------------------------------------------------------------------------------
 
 
 def _wrapped(channel: Channel, period: float, at: Indices) -> SampleFinding:
@@ -192,6 +162,18 @@ def _wrapped(channel: Channel, period: float, at: Indices) -> SampleFinding:
     cause = unsigned if channel.signal == "tau" else "a wrapped angle or overflowing counter"
     remedy = Remedy("wrap", float(period))
     return channel.finding("wrapped", at, (found, cause, "the continuous motion or signed torque"), remedy)
+
+
+def _signed(channel: Channel, bit: int) -> SampleFinding:
+    at = np.flatnonzero(np.diff(channel.values > 2.0**bit - 0.5)) + 1
+    before, after = channel.values[at[0] - 1 : at[0] + 1]
+    found = (
+        f"the value jumps by 2^{bit} {len(at)} times and is continuous otherwise if the numbers above are "
+        f"negative (here from {number(before)} to {number(after)})"
+    )
+    cause = f"a register in sign-magnitude form, of which bit {bit} is the sign"
+    remedy = Remedy("sign_bit", float(bit))
+    return channel.finding("wrapped", at, (found, cause, "numbers with their sign"), remedy)
 
 
 # -- dropped values ------------------------------------------------------------------------------------------
