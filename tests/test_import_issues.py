@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -171,9 +172,20 @@ def test_gear_that_nobody_named() -> None:
     issues = found(tables(theta=100.0))
     assert [(s.joints, s.signal, s.severity) for s in issues] == [((j,), "theta", "wrong") for j in JOINTS]
     assert all("times as far as q: is that the motor's angle before a gear" in s.message for s in issues)
-    issues = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=300.0)])
-    assert [(s.joints, s.signal, s.severity) for s in issues] == [((j,), "theta", "wrong") for j in JOINTS]
-    assert all("degrees" in s.message and "before the gear" in s.message for s in issues)
+    (issue,) = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=300.0)])
+    assert (issue.joints, issue.signal, issue.severity) == (JOINTS, "theta", "wrong")
+    gears = re.search(r"before a gear of about (\S+) and (\S+) \(", issue.message)
+    assert gears is not None
+    assert [float(gear) for gear in gears.groups()] == pytest.approx([300.0, 300.0], rel=0.25)
+
+
+@pytest.mark.parametrize("size", [0.031, 0.05])
+def test_positions_in_per_cent_of_a_range_are_no_degrees(size: float) -> None:
+    (issue,) = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=1 / size)])
+    assert issue.signal == "theta" and issue.severity == "wrong" and not issue.fixes
+    sizes = re.search(r"about (\S+) and (\S+) rad per unit", issue.message)
+    assert sizes is not None and "per cent of the joint's range" in issue.message
+    assert [float(one) for one in sizes.groups()] == pytest.approx([size, size], rel=0.25)
 
 
 def test_a_wrong_sign_beside_a_wrong_zero_is_that_of_tau() -> None:

@@ -135,8 +135,10 @@ def check_torques(mapping: Mapping, comparison: Comparison, payloads_known: bool
             plain = [other for other in alike if other.kind == "coupling" and not other.reading.converted]
             told, alike = (plain[0], (change,)) if plain else (None, ())
         else:
-            told = None if change.signals == "range" else change  # told by the joint's limits
-        if told is not None:
+            told = change
+        if change.signals == "range":
+            found.append(unknown_unit(mapping, comparison, now, change))
+        elif told is not None:
             found += issues_of(mapping, comparison, now, told, alike)
         now = change.reading
     known = {joint for issue in found for joint in issue.joints}
@@ -156,6 +158,24 @@ def check_torques(mapping: Mapping, comparison: Comparison, payloads_known: bool
         )
         found.append(Issue("unexplained", "odd", tuple(poor), "tau", message))
     return found
+
+
+def unknown_unit(mapping: Mapping, comparison: Comparison, now: Reading, change: Change) -> Issue:
+    """θ in no unit that is known: what one of it seems to be."""
+    before, after = comparison.fits(now), comparison.fits(change.reading)
+    worst = max(change.joints, key=lambda j: after[j].score - before[j].score)
+    joints = tuple(mapping.names[j] for j in change.joints)
+    scales = [abs(mapping.joints[n].scale(mapping.joints[n].theta)) for n in joints]
+    sizes = [abs(change.reading.factor[j]) * s for j, s in zip(change.joints, scales, strict=True)]
+    gears = [abs(now.factor[j] / change.reading.factor[j]) for j in change.joints]
+    message = (
+        f"no known unit explains it. With about {listed([f'{x:.2g}' for x in sizes])} rad per unit the robot's "
+        f"masses explain {percent(after[worst].share)} of the torque of {mapping.names[worst]} instead of "
+        f"{percent(before[worst].share)}: the motor's angle before a gear of about "
+        f"{listed([f'{x:.2g}' for x in gears])} (gear and side), or per cent of the joint's range (unit = the "
+        "size of one in rad)?"
+    )
+    return Issue("unit", "wrong", joints, "theta", message)
 
 
 def issues_of(

@@ -18,6 +18,7 @@ from flexviz.mounting import DIRECTIONS, gravity_text
 
 WRIST = 3  # last joints, of which neighbours may be coupled
 TRIED_GEARS = 12  # between the smallest and the largest, of θ that no unit explains
+SCALE_HALVINGS = 6  # of the ratio of two of them, to 1 % of the scale
 SMALL_ARM = 4  # joints, of which every order is tried
 ARM = 7  # joints, of which all pairs and triples are tried
 
@@ -94,11 +95,8 @@ def theta_units(mapping: Mapping, comparison: Comparison, now: Reading) -> Itera
         factor[list(joints)] /= np.abs(comparison.by_q * now.factor)[list(joints)]
         yield Change("unit", replace(now, factor=factor), joints, "theta", "the range of q")
     far = tuple(int(j) for j in np.flatnonzero(comparison.beyond(now) & (comparison.by_q == 0.0)))
-    for gear in np.geomspace(*GEARS, TRIED_GEARS) if far else ():
-        reading = replace(
-            now, factor=np.where(np.isin(range(len(names)), far), now.factor / gear, now.factor)
-        )
-        yield Change("unit", reading, far, "range", f"a gear of about {gear:.0f}")
+    if far:
+        yield unknown_scale(comparison, now, far)
     unused = [j for j, joint in enumerate(names) if gear_unused(mapping, joint)]
     if unused:
         ratios = np.array(
@@ -123,6 +121,29 @@ def theta_units(mapping: Mapping, comparison: Comparison, now: Reading) -> Itera
                 continue
             fixes = tuple(fix for change in group.values() for fix in change.fixes)
             yield Change("unit", reading, tuple(group), "theta", label, fixes)
+
+
+def unknown_scale(comparison: Comparison, now: Reading, joints: tuple[int, ...]) -> Change:
+    """θ of joints that leave their range in no known unit: the scales that explain the torques best.
+
+    It may be the motor's angle before an unknown gear, or be in per cent of the joint's range.
+    """
+
+    def scaled(reading: Reading, one: Sequence[int], by: float) -> Reading:
+        factor = reading.factor.copy()
+        factor[list(one)] *= by
+        return replace(reading, factor=factor)
+
+    step = float((GEARS[1] / GEARS[0]) ** (1 / (TRIED_GEARS - 1)))
+    tried = [scaled(now, joints, 1 / gear) for gear in np.geomspace(*GEARS, TRIED_GEARS)]
+    best = max(tried, key=comparison.score)
+    for _ in range(SCALE_HALVINGS):
+        step = np.sqrt(step)
+        for one in (joints, *((j,) for j in joints if len(joints) > 1)):
+            best = max((best, *(scaled(best, one, by) for by in (step, 1 / step))), key=comparison.score)
+    # a scale of its own on each joint, found to this ratio
+    prior = -len(joints) * np.log(np.log(GEARS[1] / GEARS[0]) / np.log(step))
+    return Change("unit", best, joints, "range", "an unknown unit or gear", (), float(prior))
 
 
 def gear_unused(mapping: Mapping, joint: str) -> bool:
