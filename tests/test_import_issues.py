@@ -188,6 +188,12 @@ def test_positions_in_per_cent_of_a_range_are_no_degrees(size: float) -> None:
     assert [float(one) for one in sizes.groups()] == pytest.approx([size, size], rel=0.25)
 
 
+def test_torques_without_their_sign() -> None:
+    (issue,) = found([(bodies, replace(t, tau=np.abs(t.tau))) for bodies, t in tables()])
+    assert (issue.kind, issue.severity, issue.joints) == ("magnitude", "wrong", JOINTS)
+    assert issue.message.startswith("it is never negative, as if it had lost its sign") and not issue.fixes
+
+
 def test_a_wrong_sign_beside_a_wrong_zero_is_that_of_tau() -> None:
     """A turned round θ of joint 1 would explain nearly as much."""
     issues = found(tables(tau=one, zero=np.array([0.0, np.pi])))

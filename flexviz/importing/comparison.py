@@ -58,6 +58,7 @@ class Reading:
     gravity: bool = True  # whether τ has the torque of the robot's gravity,
     load: bool = True  # that of the payload's, and
     motion: bool = True  # that of the motion
+    magnitude: bool = False  # whether τ lost its sign: it has that of the robot's masses
     bodies: tuple[int, ...] | None = None  # group -> the group whose payload it carried
     drive: Array | None = field(
         default=None
@@ -93,6 +94,11 @@ class Comparison:
         )
         self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)  # (n,) of θ as read
         self.speed = np.max([np.max(np.abs(m.v), axis=0) for m in motions], axis=0)
+        every_torque = np.concatenate([table.tau for _, table in groups])
+        # (n,) whether τ as read, up to a common sign of the column, is never on the other side of zero
+        self.one_sided = np.any(every_torque != 0.0, axis=0) & (
+            np.all(every_torque >= 0.0, axis=0) | np.all(every_torque <= 0.0, axis=0)
+        )
         self.width, self.fastest = likely_limits(robot)
         # (n,) θ per q where q is recorded, shows the same motion and is one that the joint can make; else 0
         self.by_q = np.zeros(n)
@@ -168,6 +174,8 @@ class Comparison:
             else:
                 parts = parts @ reading.drive
         v, a = v * reading.motion, a * reading.motion
+        if reading.magnitude:
+            tau = np.abs(tau) * np.where(np.sum(parts, axis=0) < 0.0, -1.0, 1.0)
         result = []
         for j, motors in enumerate(acting.T):
             columns = parts[:, :, j].T, a[:, j], v[:, motors != 0.0] * motors[motors != 0.0], tau[:, j]

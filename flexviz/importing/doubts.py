@@ -168,12 +168,12 @@ def unknown_unit(mapping: Mapping, comparison: Comparison, now: Reading, change:
     scales = [abs(mapping.joints[n].scale(mapping.joints[n].theta)) for n in joints]
     sizes = [abs(change.reading.factor[j]) * s for j, s in zip(change.joints, scales, strict=True)]
     gears = [abs(now.factor[j] / change.reading.factor[j]) for j in change.joints]
+    units, ratios = (listed([f"{x:.2g}" for x in one]) for one in (sizes, gears))
     message = (
-        f"no known unit explains it. With about {listed([f'{x:.2g}' for x in sizes])} rad per unit the robot's "
-        f"masses explain {percent(after[worst].share)} of the torque of {mapping.names[worst]} instead of "
-        f"{percent(before[worst].share)}: the motor's angle before a gear of about "
-        f"{listed([f'{x:.2g}' for x in gears])} (gear and side), or per cent of the joint's range (unit = the "
-        "size of one in rad)?"
+        f"no known unit explains it. With about {units} rad per unit the robot's masses explain "
+        f"{percent(after[worst].share)} of the torque of {mapping.names[worst]} instead of "
+        f"{percent(before[worst].share)}: the motor's angle before a gear of about {ratios} (gear, side), or "
+        "per cent of the joint's range (unit = the size of one in rad)?"
     )
     return Issue("unit", "wrong", joints, "theta", message)
 
@@ -207,6 +207,9 @@ def issues_of(
     elif change.signals == "theta and tau" and change.kind == "unit":
         stated = 'their gears are stated, but not used: both signals have side = "joint". '
         message = stated + message[0].upper() + message[1:]
+    elif change.kind == "magnitude":
+        lost = "it is never negative, as if it had lost its sign: "
+        message = f"{lost}{message}. Log the torque or current with its sign"
     elif change.kind == "mounting":
         message += ": is the robot mounted on a wall, on its side or under a ceiling?"
     elif change.kind == "order":

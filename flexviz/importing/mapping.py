@@ -232,8 +232,8 @@ class Fix:
 
 
 IssueKind = Literal[
-    "unit", "sign", "zero", "coupling", "swapped", "order", "mounting", "gravity", "payload", "delay",
-    "clock", "unexplained", "messages", "wrapped", "dropped", "outliers", "jumps",
+    "unit", "sign", "zero", "coupling", "swapped", "order", "mounting", "gravity", "magnitude", "payload",
+    "delay", "clock", "unexplained", "messages", "wrapped", "dropped", "outliers", "jumps",
     "repeated", "stale", "constant", "held", "contact", "filtered", "no_torque", "saturated",
 ]  # fmt: skip
 

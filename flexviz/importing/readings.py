@@ -38,6 +38,8 @@ class Change:
 
 def changes(mapping: Mapping, comparison: Comparison, now: Reading, payloads_known: bool) -> list[Change]:
     """Everything that may be wrong apart from what `now` changes; those of a kind share its probability."""
+    if now.magnitude:  # the masses' own sign would agree with any of them
+        return []
     sizes = [
         signs(mapping, now),
         theta_units(mapping, comparison, now),
@@ -45,6 +47,7 @@ def changes(mapping: Mapping, comparison: Comparison, now: Reading, payloads_kno
         orders(mapping, comparison, now),
         mountings(now, mapping),
         gravity_parts(comparison, now, mapping),
+        magnitudes(comparison, now, mapping),
         payloads(comparison, now, mapping) if payloads_known else iter(()),
         couplings(mapping, now),
     ]
@@ -237,6 +240,13 @@ def gravity_parts(comparison: Comparison, now: Reading, mapping: Mapping) -> Ite
             unloaded = replace(now, gravity=False)
             yield Change("gravity", unloaded, every, "tau", "no gravity but the payload's in it")
         yield Change("gravity", replace(now, motion=False), every, "tau", "nothing but gravity in it")
+
+
+def magnitudes(comparison: Comparison, now: Reading, mapping: Mapping) -> Iterator[Change]:
+    """τ without its sign, as some drives log a current: of all joints, where none is ever negative."""
+    every = tuple(range(len(mapping.names)))
+    if comparison.one_sided.all():
+        yield Change("magnitude", replace(now, magnitude=True), every, "tau", "the sign that it lacks")
 
 
 def payloads(comparison: Comparison, now: Reading, mapping: Mapping) -> Iterator[Change]:
