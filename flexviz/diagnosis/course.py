@@ -212,7 +212,7 @@ class Course:
                 found = self.estimator.of_motion(end.coarse.fit)
             else:
                 known = end.fine.fit if end.at_noise else end.coarse.fit
-                found = self.estimator.estimate(known.layout, known.x)
+                found = self.estimator.estimate(known.layout, known.x, known=True)
             weak = self.doubtful(end, found)
             if weak is None:
                 return end, found

@@ -57,7 +57,7 @@ class Stair:
 
 def estimated(course: Course, layout: Layout, x: Array) -> Stair:
     """A model as `identify` estimates it, from x, shape (P,)."""
-    return stair_of(course, course.estimator.estimate(layout, x))
+    return stair_of(course, course.estimator.estimate(layout, x, known=True))
 
 
 def stair_of(course: Course, found: Estimate) -> Stair:

@@ -29,7 +29,17 @@ from flexviz.estimation import (
 )
 from flexviz.identification.uncertainty import Stated
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.motion import MOTION, MotionContext, MotionFit, Phase, Phases, Residuals, deviations, usual_model
+from flexviz.motion import (
+    MOTION,
+    MotionContext,
+    MotionFit,
+    Phase,
+    Phases,
+    Residuals,
+    deviations,
+    one_by_one,
+    usual_model,
+)
 
 TIGHT = 1e-3  # change of the objective that ends the last fit
 
@@ -102,14 +112,16 @@ class Estimator:
         layout: Layout,
         x: Array,
         *,
+        known: bool = False,
         check: Callable[[], None] = lambda: None,
         report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
     ) -> Estimate:
-        """The model fitted from x, shape (P,).
+        """The model fitted from x, shape (P,), or from its effects one by one where that ends lower.
 
         Args:
             layout: the model.
             x: start.
+            known: whether x is the end of a search.
             check: called between steps; may raise to stop.
             report: called with x, cost and length of each step of a refinement.
 
@@ -124,6 +136,12 @@ class Estimator:
                 motion = self.context.fit(layout, motion.x, check=check)
                 sigma, least = self.judged(motion)
         errs = sigma > (1 + MOTION.noise_known) * least
+        if errs.any() and not known and len(layout.effects) > 1:
+            other = one_by_one(self.context, layout, check)
+            if other.objective < motion.objective:
+                motion = other
+                sigma, least = self.judged(motion)
+                errs = sigma > (1 + MOTION.noise_known) * least
         if not errs.any() or (layout.has_reversals and np.all(sigma < MOTION.far * least)):
             refined = self.refined(layout, motion.x, errs, least, check, report)
             if refined is not None:

@@ -91,13 +91,13 @@ def increases(values: Array) -> bool:
     return bool((steps >= 0).all() and np.count_nonzero(steps) > (1 - LIMITS.repeated_instants) * len(steps))
 
 
-def coarse_clock(table: LogTable) -> tuple[str, float] | None:
-    """A column called a time that is coarser than its even rows are spaced, and their step [s]."""
+def coarse_clock(table: LogTable) -> tuple[dict[str, float], str] | None:
+    """The key for even rows whose time is coarser than they are spaced, and why; None without such ones."""
     for name, values in table.columns.items():
-        if called_time(name) and not increases(values):
+        if called_time(name) and not increases(values) and len(finite(values)) == len(values):
             size = TIME.get(table.units.get(name) or unit_in(name) or "s", 1.0)
-            if (step := even_step(finite(values) * size)) is not None and len(finite(values)) == len(values):
-                return name, step
+            if (step := even_step(values * size)) is not None:
+                return {"step": step}, f'seconds per row: "{name}" is coarser, and even as far as it shows'
     return None
 
 

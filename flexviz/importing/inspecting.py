@@ -130,14 +130,10 @@ def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
     # where nothing was recognised, the signals are likely in the table with the most columns
     widest = max((list(table.columns) for table in log.tables), key=len, default=[])
     chosen = guess_clocks(log, used or widest[:1])
-    if chosen is None and (coarse := coarse_clock(log.columns[(used or widest)[0]])) is not None:
-        name, step = coarse
-        draft.time = {"step": step}
-        draft.time_comment = f'seconds per row: "{name}" is coarser, and even as far as it shows'
-        return {}
-    if chosen is None:
-        missing = "[time] column, or step = seconds from row to row: no column looks like a time"
-        draft.missing.append(missing)
+    if chosen is None and (coarse := coarse_clock(log.columns[(used or widest)[0]])):
+        draft.time, draft.time_comment = coarse
+    elif chosen is None:
+        draft.missing.append("[time] column, or step = seconds from row to row: no column looks like a time")
     if not chosen:
         return {}
     most, _ = Counter(chosen.values()).most_common(1)[0]

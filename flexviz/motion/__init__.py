@@ -1,6 +1,7 @@
 """Fits in the band of the motion, each joint weighted by what its model leaves."""
 
 from flexviz.motion.fit import MotionContext, MotionFit
+from flexviz.motion.one_by_one import one_by_one
 from flexviz.motion.robust import Residuals, deviations, huber
 from flexviz.motion.samples import Phase, Phases, phases
 from flexviz.motion.thresholds import MOTION
@@ -17,6 +18,7 @@ __all__ = [
     "Residuals",
     "deviations",
     "huber",
+    "one_by_one",
     "phases",
     "plain_model",
     "scale",
