@@ -126,8 +126,7 @@ def paired(
 
 
 def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
-    """Guess [time]; column -> its own time column where it differs."""
-    # where nothing was recognised, the signals are likely in the table with the most columns
+    """Guess [time], of the widest table if no column is used; column -> its own time where it differs."""
     widest = max((list(table.columns) for table in log.tables), key=len, default=[])
     chosen = guess_clocks(log, used or widest[:1])
     if chosen is None and (coarse := coarse_clock(log.columns[(used or widest)[0]])):
