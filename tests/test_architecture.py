@@ -52,6 +52,7 @@ LAYERS = (
         "urdf_checks",
         "urdf_inertias",
         "urdf_joints",
+        "urdf_units",
         "robot_files",
         "model",
         "mounting",
