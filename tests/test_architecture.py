@@ -29,6 +29,7 @@ LAYERS = (
         "arrays",
         "errors",
         "fields",
+        "units",
         "iteration",
         "limits",
         "files",
