@@ -16,6 +16,12 @@ INERTIAL_UNITS = {
 }  # fmt: skip
 """Name of an inertial parameter -> its unit, in the order of a row of `FlexibleModel.inertial`."""
 
+JOINT_UNITS = {
+    "stiffness": "Nm/rad", "motor_inertia": "kg m²",
+    "link_viscous_friction": "Nm s/rad", "motor_viscous_friction": "Nm s/rad",
+}  # fmt: skip
+"""Name of a parameter that every joint has -> its unit on a joint that turns."""
+
 _ARRAYS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction", "inertial")
 
 

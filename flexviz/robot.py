@@ -18,6 +18,7 @@ from flexviz.robot_files import SETTINGS, RobotSettings, find_urdf, is_library_r
 from flexviz.urdf_checks import MAX_JOINTS, check_body
 from flexviz.urdf_inertias import inertia_notes
 from flexviz.urdf_joints import Mimic, locking_notes, unloaded
+from flexviz.urdf_units import check_units
 
 __all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
 
@@ -98,13 +99,13 @@ class Robot:
         `joints` None takes every revolute, continuous and prismatic joint in tree order that moves a mass
         and follows no other joint (mimic). `gravity` (3,) [m/s²] is in the base's frame: a robot on a wall.
         """
-        path = find_urdf(source, base)
-        described = read_urdf(path)
+        described = read_urdf(path := find_urdf(source, base))
         mimics = described.mimics
         try:
             full = pin.buildModelFromXML(described.text)
         except (ValueError, RuntimeError) as error:
             raise InputError(f"not a usable URDF ({error})", file=path) from None
+        check_units(described.root, _moving_links(full), path)
         single = [i for i in range(1, full.njoints) if full.joints[i].nq == full.joints[i].nv == 1]
         movable = [full.names[i] for i in single]
         leading = [joint for joint in movable if joint not in mimics]
@@ -130,8 +131,8 @@ class Robot:
         for joint in chosen:
             body = model.inertias[model.getJointId(joint)]
             check_body(joint, body.mass, body.inertia, path)
-        frames = (f for f in model.frames if f.type == pin.FrameType.BODY and parent_joint(f) > 0)
-        notes = inertia_notes(described.root, {f.name: model.inertias[parent_joint(f)] for f in frames}, path)
+        carried = {link: model.inertias[joint] for link, joint in _moving_links(model).items()}
+        notes = inertia_notes(described.root, carried, path)
         notes += locking_notes(described.root, chosen, mimics, empty, joints is not None)
         followers = {j: m for j, m in mimics.items() if j not in chosen}
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
@@ -287,6 +288,12 @@ class Robot:
             load_meshes=False,
             build_collision_scene_graph=False,
         )
+
+
+def _moving_links(model: Any) -> dict[str, int]:
+    """Links that a joint of the model moves -> Pinocchio's index of the joint."""
+    bodies = (f for f in model.frames if f.type == pin.FrameType.BODY)
+    return {f.name: joint for f in bodies if (joint := parent_joint(f)) > 0}
 
 
 def _frozen(x: ArrayLike) -> np.ndarray:

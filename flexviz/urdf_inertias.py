@@ -44,10 +44,9 @@ def inertia_notes(root: Element, carried: Mapping[str, Any], file: Path) -> list
         name, inertial = link.get("name", ""), link.find("inertial")
         if inertial is None or name not in carried:
             continue
-        mass = float(_attribute(inertial, "mass", "value", "0"))
-        stated = {key: float(_attribute(inertial, "inertia", key, "0")) for key in MOMENTS}
-        xx, yy, zz, xy, xz, yz = stated.values()
-        first, second, third = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        mass = float(attribute(inertial, "mass", "value", "0"))
+        stated = {key: float(attribute(inertial, "inertia", key, "0")) for key in MOMENTS}
+        first, second, third = moments_of(inertial)
         body = carried[name]
         about_joint = np.linalg.eigvalsh(body.inertia)[-1] + body.mass * float(body.lever @ body.lever)
         least = max(SLACK * np.linalg.eigvalsh(body.inertia)[-1], NEGLIGIBLE * about_joint)
@@ -85,13 +84,13 @@ def suspect(stated: Mapping[str, float]) -> str:
 def extents_of(root: Element) -> Extents:
     """The lengths of a robot."""
     joints = [joint for joint in root.findall("joint") if joint.get("type") != "floating"]
-    offsets = [_norm(_attribute(joint, "origin", "xyz", "0 0 0")) for joint in joints]
+    offsets = [norm(attribute(joint, "origin", "xyz", "0 0 0")) for joint in joints]
     ranges = [_travel(joint) for joint in joints if joint.get("type") == "prismatic"]
     sizes = []
     for link in root.findall("link"):
         inertial = link.find("inertial")
-        sizes.append(0.0 if inertial is None else 2.0 * _norm(_attribute(inertial, "origin", "xyz", "0 0 0")))
-        sizes += [_norm(box.get("size", "0")) for box in link.iter("box")]
+        sizes.append(0.0 if inertial is None else 2.0 * norm(attribute(inertial, "origin", "xyz", "0 0 0")))
+        sizes += [norm(box.get("size", "0")) for box in link.iter("box")]
         sizes += [2.0 * float(ball.get("radius", "0")) for ball in link.iter("sphere")]
         sizes += [
             math.hypot(2.0 * float(rod.get("radius", "0")), float(rod.get("length", "0")))
@@ -103,14 +102,22 @@ def extents_of(root: Element) -> Extents:
 
 
 def _travel(joint: Element) -> float:
-    low, high = (float(_attribute(joint, "limit", key, "0")) for key in ("lower", "upper"))
+    low, high = (float(attribute(joint, "limit", key, "0")) for key in ("lower", "upper"))
     return high - low if 0.0 < high - low < 1e3 else 0.0
 
 
-def _norm(text: str) -> float:
+def moments_of(inertial: Element) -> np.ndarray:
+    """(3,) principal moments of a link's inertia, rising [kg m²]."""
+    xx, yy, zz, xy, xz, yz = (float(attribute(inertial, "inertia", key, "0")) for key in MOMENTS)
+    return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def norm(text: str) -> float:
+    """Length of a vector that is written as three numbers."""
     return math.hypot(*map(float, text.split()))
 
 
-def _attribute(parent: Element, tag: str, name: str, default: str) -> str:
+def attribute(parent: Element, tag: str, name: str, default: str) -> str:
+    """An attribute of a child element, or `default`."""
     element = parent.find(tag)
     return default if element is None else element.get(name, default)

@@ -17,9 +17,9 @@ from flexviz.robot import Robot
 from flexviz.simulation import from_urdf, make_plan
 from flexviz.simulation.sets import simulate_preset
 from tests.exporting_cases import identified
+from tests.shared_data import FAULTS
 from tests.small_set import JOINT, LINK, URDF
 
-FAULTS = Path(__file__).resolve().parents[2] / "shared" / "faults"
 TENSOR = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
 SECOND = URDF.index('<link name="link2">')  # what changes is the second link
 END = "</robot>"

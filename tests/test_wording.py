@@ -55,7 +55,7 @@ def test_an_error_is_in_per_cent_of_the_torque_and_in_nm_beside_the_noise() -> N
     # the torque of a joint that is held still has no spread; a noise of zero is none
     assert JointErrors((0.3,), (0.0,), (0.0,)).hover(0) == "0.300 Nm"
     assert JointErrors((0.3, 0.4)).mark is None
-    step: Any = SimpleNamespace(rms=(0.3,), rms_validation=(0.2,), noise_floor=(0.1,))
+    step: Any = SimpleNamespace(rms=(0.3,), rms_validation=(0.2,), noise_floor=(0.1,), units=())
     assert stated_errors(step, (2.0,)).text() == "10.0 % of the torque"
     step.rms_validation = (math.nan,)
     assert stated_errors(step, (2.0,)).text() == "15.0 % of the torque"
@@ -63,8 +63,8 @@ def test_an_error_is_in_per_cent_of_the_torque_and_in_nm_beside_the_noise() -> N
 
 def test_the_noise_of_a_model_changes_no_error() -> None:
     """A model that passes more noise, with a smaller error in Nm, is not told as worse."""
-    before: Any = SimpleNamespace(rms=(2.0,), rms_validation=None, noise_floor=(0.1,))
-    after: Any = SimpleNamespace(rms=(1.0,), rms_validation=None, noise_floor=(0.01,))
+    before: Any = SimpleNamespace(rms=(2.0,), rms_validation=None, noise_floor=(0.1,), units=())
+    after: Any = SimpleNamespace(rms=(1.0,), rms_validation=None, noise_floor=(0.01,), units=())
     assert stated_errors(after, (9.0,)).mean < stated_errors(before, (9.0,)).mean
     assert stated_errors(after, ()).mean < stated_errors(before, ()).mean
 

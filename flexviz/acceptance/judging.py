@@ -116,16 +116,17 @@ def _errors(result: ResultDocument, joints: Sequence[str]) -> JointErrors | None
     """Errors on the held-out groups; None without any."""
     if result.steps:
         last, spread = result.steps[-1], result.torque_spread
+        units = last.units
         names = result.torque.joints if result.torque is not None else joints
         rms = last.rms_validation
     elif result.residual is not None:
         of = result.residual
-        rms, spread, names = of.rms_validation, of.torque_spread, of.joints
+        rms, spread, names, units = of.rms_validation, of.torque_spread, of.joints, of.units
     else:
         raise InputError(f"the result of {result.set} has no errors per joint, expected those of a diagnosis")
     if list(names) != list(joints):
         raise InputError(f"the result is of the joints {', '.join(names)}, the set has {', '.join(joints)}")
-    return JointErrors(rms, spread) if rms else None
+    return JointErrors(rms, spread, units=units) if rms else None
 
 
 def _held_out(
@@ -144,6 +145,8 @@ def _held_out(
         remark = "" if known else NO_HELD_OUT if errors is None else "not known"
         passed = figure is not None and figure <= limit
         also = "" if errors is None or figure is None else errors.other(index, unit)
+        if unit == TORQUE and errors is not None and errors.units:
+            unit = errors.units[index]
         yield AcceptanceLine("held-out error", joint, None, figure, limit, unit, passed, remark, also)
 
 

@@ -69,7 +69,10 @@ class LegendPanel:
         diagnosis = store.analysis.current_diagnosis
         findings = diagnosis.findings if diagnosis and standing(store.analysis).verdict == "present" else ()
         missing = {one.joint: finding_title(one) for one in reversed(findings) if one.joint}
-        self._drawn = (store.measurements.joints, found, motion), (store.joint, missing)
+        self._drawn = (
+            (store.measurements.joints, found, motion),
+            (store.joint, missing, store.measurements.torque_units),
+        )
         self._at = -1.0
         self._draw_joints()
 
@@ -77,5 +80,5 @@ class LegendPanel:
         """Draw the table, if the instant has changed."""
         now = round(self._store.clock.time, 2)
         if now != self._at:
-            self._at, (drawn, (joint, missing)) = now, self._drawn
-            self._joints.content = joints_html(*drawn, now, joint, missing)
+            self._at, (drawn, chosen) = now, self._drawn
+            self._joints.content = joints_html(*drawn, now, *chosen)

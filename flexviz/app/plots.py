@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -18,7 +19,7 @@ from flexviz.app.style import hidden
 from flexviz.app.tab_turns import COMPARE, CONVERGENCE, PROOF, STATES
 from flexviz.app.uplot import ChartColumn
 from flexviz.batch import FleetRow
-from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
+from flexviz.charts import PICTURE, Chart, chart_name, charts_zip, draw_svg
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.observers import EsoGains
@@ -116,13 +117,17 @@ class PlotPanel:
             bandwidth, gains = None, self._draft
         observer = view.observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
-        self._states.show(view.states_charts(store.group, store.joint, observer, hold, now, store.span))
+        states = view.states_charts(store.group, store.joint, observer, hold, now, store.span)
+        self._states.show(self._of_joint(states))
+
+    def _of_joint(self, charts: Iterable[Chart]) -> tuple[Chart, ...]:
+        return in_units(self._store, charts)
 
     def _draw_live(self) -> None:
         """Let the selected joint's residual, and with a draft of gains the states, follow the tuning."""
         store = self._store
         which = store.group, store.joint, store.joint_name
-        self._signals.update(view.signal_residual(*which, before_after(store), store.span))
+        self._signals.update(*self._of_joint([view.signal_residual(*which, before_after(store), store.span)]))
         self._signals.move(store.clock.time)
         if self._draft != (None if store.live is None else store.live.draft):
             self._draw_states()
@@ -132,7 +137,8 @@ class PlotPanel:
         store, result = self._store, self._store.analysis.identification
         which = store.group, store.joint, store.joint_name
         signals = view.signals_charts(*which, before_after(store), store.motion, store.span)
-        self._signals.show((*signals, *view.shape_charts(*which, result)))
+        signals = self._of_joint(signals)
+        self._signals.show((*signals, *self._of_joint(view.shape_charts(*which, result))))
         # under the staircase, too: what has fallen
         self._fallen.show(tuple(chart for chart in signals if chart.key == "residual" and chart.series))
         self._move()
@@ -196,6 +202,12 @@ class PlotPanel:
         self._convergence.show(view.convergence_charts(iterations, ends, final))
 
 
+def in_units(store: Store, charts: Iterable[Chart]) -> tuple[Chart, ...]:
+    """Charts of the selected joint, in m and N if it slides."""
+    slides = bool(store.measurements.robot.prismatic[store.joint])
+    return tuple(chart.of_joint(slides) for chart in charts)
+
+
 class ResidualTab:
     """The tab "Where it fails": laws through their data, residual maps, curves, a highlighted range."""
 
@@ -244,7 +256,7 @@ class ResidualTab:
         own = view.model_curve_charts(result.parameters) if result else ()
         self._draw_laws()
         free = view.free_chart(curve)
-        self.charts.show((*own, free, residual, *view.map_charts(store.maps, name)))
+        self.charts.show((*own, free, *in_units(store, (residual, *view.map_charts(store.maps, name)))))
         self._move()
         store.set_highlight(marked)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flexviz.arrays import Array, Bools
+from flexviz.units import joint_unit
 
 Dash = tuple[int, ...]
 MAX_POINTS = 600  # of a drawn line
@@ -135,6 +136,11 @@ class Chart:
     def heading(self) -> str:
         """Title with the unit of y, for renderers without a label of that axis."""
         return f"{self.title} [{self.y.unit}]" if self.y.unit else self.title
+
+    def of_joint(self, slides: bool) -> Chart:
+        """The chart with the units of a joint that slides or turns, from those of one that turns."""
+        x, y = (replace(axis, unit=joint_unit(axis.unit, slides)) for axis in (self.x, self.y))
+        return replace(self, x=x, y=y)
 
     def spans(self, first: float, last: float) -> Chart:
         """The chart with x limited to `first` … `last`."""

@@ -159,7 +159,7 @@ def errors(found: SessionComparison) -> Table:
             for s in found.sessions:
                 values = getattr(s, key)
                 known = joint in s.joints and len(values) == len(s.joints)
-                errors = JointErrors(values, s.torque_spread)
+                errors = JointErrors(values, s.torque_spread, (), s.torque_units)
                 told = errors.whole(s.joints.index(joint)) if known else "–"
                 cells.append(told.replace(" of the torque", ""))
             table.add_row(f"{joint}, {label}", *cells)

@@ -79,8 +79,9 @@ def summary(done: SimulatedSet) -> list[str]:
         about = (f"{group.duration:g} s", temperature_text(group.temperature), use)
         parts = filter(None, (group.trajectory, group.payload, *about))
         lines.append(f"  {group.name}: {', '.join(parts)}")
+    sliding = {joint for joint, one in zip(plan.robot.joints, plan.robot.prismatic, strict=True) if one}
     for effect in plan.model.effects:
-        units = EFFECTS[effect.effect].units
+        units = EFFECTS[effect.effect].units_on(effect.joint in sliding)
         values = ", ".join(
             f"{name} {value:g} {unit_text(units[name])}".rstrip() for name, value in effect.parameters.items()
         )

@@ -123,7 +123,7 @@ def errors(result: dict[str, Any]) -> str:
     told = []
     for name, rms in rows.items():
         if rms is not None:
-            found = JointErrors(rms, residual.get("torque_spread", ()))
+            found = JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ()))
             told.append(f"{name} {'; '.join(found.whole(j) for j in range(len(rms)))}")
     return ", ".join(told)
 

@@ -153,10 +153,10 @@ def family_in(effect: str, tied: Sequence[Tie], sure: float) -> Family | None:
 
 def own_parameters(effect: ChosenEffect, stair: Stair) -> dict[str, EffectParameter]:
     """An effect's parameters in a model."""
-    where = stair.layout.effect_slice(effect)
+    where, slides = stair.layout.effect_slice(effect), effect.joint in stair.layout.sliding
     std = stair.covariance.standard_errors[where]
     rows = zip(EFFECTS[effect.effect].parameters, stair.x[where], std, strict=True)
-    return {p.name: EffectParameter(float(v), float(e), p.unit) for p, v, e in rows}
+    return {p.name: EffectParameter(float(v), float(e), p.unit_on(slides)) for p, v, e in rows}
 
 
 def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
@@ -234,5 +234,6 @@ def made_step(added: Finding | None, stair: Stair, verdict: Verdict) -> Step:
     """One step of a result: the model after adding an effect."""
     errors, model = stair.errors, stair.layout.model(stair.x)
     return Step(
-        added, errors.rms, errors.rms_validation, errors.groups, errors.noise_floor, model, verdict=verdict
-    )
+        added, errors.rms, errors.rms_validation, errors.groups, errors.noise_floor, model,
+        verdict=verdict, units=errors.units,
+    )  # fmt: skip

@@ -41,7 +41,7 @@ def notes(
     out: list[tuple[NoteKind, str]] = []
     joints = final.layout.joints
     if model_error_variance is not None:
-        left = JointErrors(np.sqrt(model_error_variance).tolist(), errors.spread)
+        left = JointErrors(np.sqrt(model_error_variance).tolist(), errors.spread, (), errors.units)
         sizes = ", ".join(f"{joint} {left.whole(j)}" for j, joint in enumerate(joints))
         text = (
             "no model reaches the noise, so an effect was added only if it also predicts the held-out "
@@ -54,7 +54,7 @@ def notes(
     pulses = any(weighting.unknown for weighting in final.point.weightings)
     if verdict == "nothing-missing" and pulses and largest[j] > MOTION.outlier * floor[j]:
         kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
-        said = JointErrors(largest.tolist(), errors.spread).whole(j)
+        said = JointErrors(largest.tolist(), errors.spread, (), errors.units).whole(j)
         text = (
             f"the error of {joints[j]}, {said} in the {kind} groups, arises at motion "
             "reversals and backlash crossings: it includes their unknown torque, which the fit treats as "

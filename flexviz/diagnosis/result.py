@@ -167,7 +167,7 @@ class Diagnosis(DiagnosisFields):
 
         known: dict[str, Any] = {"torque_side": torque_side(self.parameters)} if self.parameters else {}
         if self.model is not None and self.torque_spread:
-            known["torque"] = TorqueEntry(self.model.joints, self.torque_spread)
+            known["torque"] = TorqueEntry(self.model.joints, self.torque_spread, self.steps[0].units)
         return ResultDocument(
             format=1,
             set=self.set_name,

@@ -13,11 +13,12 @@ def limit_findings(measurements: MeasurementSet) -> list[Finding]:
 
     Its samples at the limit are left out of all fits, so that it removes no error (`score` 0).
     """
-    return [_finding(one, measurements.joints) for one in measurements.seen_limits]
+    slides = measurements.robot.prismatic
+    return [_finding(one, measurements.joints, bool(slides[one.joint])) for one in measurements.seen_limits]
 
 
-def _finding(one: SeenLimit, joints: tuple[str, ...]) -> Finding:
+def _finding(one: SeenLimit, joints: tuple[str, ...], slides: bool) -> Finding:
     law = next(effect for effect in EFFECTS.values() if effect.limits_torque)
     spec = law.parameters[0]
-    limit = EffectParameter(one.limit, one.tolerance, spec.unit)
+    limit = EffectParameter(one.limit, one.tolerance, spec.unit_on(slides))
     return Finding(law.name, joints[one.joint], score=0.0, confidence=1.0, parameters={spec.name: limit})

@@ -173,8 +173,12 @@ class Effect(ABC):
 
     @property
     def units(self) -> dict[str, str]:
-        """Parameter → its unit."""
-        return {p.name: p.unit for p in self.parameters}
+        """Parameter → its unit on a joint that turns."""
+        return self.units_on(False)
+
+    def units_on(self, slides: bool) -> dict[str, str]:
+        """Parameter → its unit on a joint that slides or turns."""
+        return {p.name: p.unit_on(slides) for p in self.parameters}
 
     @property
     def entry(self) -> Entry:

@@ -8,9 +8,11 @@ from flexviz.effects.effect import EffectEvidence
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
-ORDER = ParameterSpec("order", "-", 1.0, 400.0, "cycles per joint turn", "n", lower_occurs=True)
+ORDER = ParameterSpec(
+    "order", "-", 1.0, 400.0, "cycles per joint turn", "n", lower_occurs=True, sliding_unit="rad/m"
+)
 LEAST_PERIODS = 2.0  # in a joint's travel, with which a law is seen to repeat
-PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
+PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ", sliding_unit="rad")
 
 
 class Ripple(LawEffect):

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from flexviz.arrays import Array, Bools
+from flexviz.units import joint_unit
 
 Where = Literal["motor", "link", "joint", "sensing", "load"]
 Entry = Literal["torque", "deflection", "residual", "gravity"]
@@ -33,12 +34,13 @@ class ParameterSpec:
 
     Attributes:
         name: as in the JSON contract.
-        unit: SI unit.
+        unit: SI unit, on a joint that turns.
         lower, upper: physical bounds.
         explanation: a few words.
         symbol: as in the equation; defaults to the name.
         above_torque: a torque that may exceed the largest measured one: it balances another.
         lower_occurs: the lower bound is a valid result (one cycle per turn), not a diverged search.
+        sliding_unit: on a joint that slides; by default `unit` with m and N for rad and Nm.
         given: a constant of the effect, set from the range of the data (`Effect.constants`), not estimated.
     """
 
@@ -51,6 +53,11 @@ class ParameterSpec:
     lower_occurs: bool = False
     above_torque: bool = False
     given: bool = False
+    sliding_unit: str | None = None
+
+    def unit_on(self, slides: bool) -> str:
+        """Unit on a joint that slides or turns."""
+        return self.sliding_unit if slides and self.sliding_unit else joint_unit(self.unit, slides)
 
     def __post_init__(self) -> None:
         if not self.symbol:

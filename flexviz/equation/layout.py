@@ -18,7 +18,8 @@ from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
 from flexviz.equation.torque_side import behind_gear
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
-from flexviz.model import INERTIAL_UNITS, EffectValue, FlexibleModel
+from flexviz.model import INERTIAL_UNITS, JOINT_UNITS, EffectValue, FlexibleModel
+from flexviz.units import joint_unit
 
 INERTIAL_NAMES = tuple(INERTIAL_UNITS)
 RIGID = 1e-12  # [rad/Nm] of a rigid joint: a nanometre at the end of a long arm under any torque
@@ -38,6 +39,7 @@ class Layout:
     motors: bool = True  # whether τ is that of the motors
     rigid: tuple[int, ...] = ()  # joints without elasticity
     no_torque: tuple[int, ...] = ()  # joints whose equation is left out
+    sliding: tuple[int, ...] = ()  # prismatic joints: units of m and N
 
     @property
     def fitted(self) -> Bools:
@@ -148,13 +150,12 @@ class Layout:
         rows: list[tuple[str, str | None, str]] = [
             (name, j, unit) for j in self.joints for name, unit in INERTIAL_UNITS.items()
         ]
-        rows += [("stiffness", j, "Nm/rad") for j in self.joints]
-        rows += [("motor_inertia", j, "kg m²") for j in self.joints if self.motors]
-        rows += [("link_viscous_friction", j, "Nm s/rad") for j in self.joints]
-        rows += [("motor_viscous_friction", j, "Nm s/rad") for j in self.joints if self.motors]
+        for name, unit in JOINT_UNITS.items():
+            if self.motors or not name.startswith("motor_"):
+                rows += [(name, j, joint_unit(unit, k in self.sliding)) for k, j in enumerate(self.joints)]
         for effect in self.effects:
-            specs = EFFECTS[effect.effect].parameters
-            rows += [(f"{effect.effect}.{p.name}", self.joint_name(effect), p.unit) for p in specs]
+            specs, slides = EFFECTS[effect.effect].parameters, effect.joint in self.sliding
+            rows += [(f"{effect.effect}.{p.name}", self.joint_name(effect), p.unit_on(slides)) for p in specs]
         return rows
 
     def model(self, x: Array) -> FlexibleModel:
@@ -209,7 +210,8 @@ def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layo
     rigid, no_torque = (
         tuple(map(measurements.joints.index, names)) for names in (measurements.rigid, measurements.no_torque)
     )
-    layout = Layout(measurements.joints, (), not behind_gear(measurements), rigid, no_torque)
+    sliding = tuple(map(int, np.flatnonzero(measurements.robot.prismatic)))
+    layout = Layout(measurements.joints, (), not behind_gear(measurements), rigid, no_torque, sliding)
     for effect in chosen:
         if not layout.can_have(effect) and effect.text(layout.joints) in wanted:
             why = "has no torque" if effect.joint in no_torque else "is rigid"

@@ -46,6 +46,7 @@ class PredictionErrors:
         noise_floor: per joint, rms due to measurement noise alone [Nm]; the same for all models of a set.
         residual: shape (N, n) [Nm].
         spread: per joint, standard deviation of the recorded torque over all groups [Nm]; empty if unknown.
+        units: of each joint's torque, "N" where it slides; empty if all are in Nm.
     """
 
     rms: tuple[float, ...]
@@ -54,6 +55,7 @@ class PredictionErrors:
     noise_floor: tuple[float, ...]
     residual: Array
     spread: tuple[float, ...] = ()
+    units: tuple[str, ...] = ()
 
     @property
     def stated(self) -> tuple[float, ...]:
@@ -139,4 +141,5 @@ class ErrorBand:
             self.noise_floor,
             residual,
             self.measurements.torque_spread,
+            self.measurements.torque_units,
         )

@@ -16,6 +16,7 @@ from typing import Any
 from flexviz.errors import InputError
 from flexviz.exporting.code_tables import INDICES, CodeArray, CodeRows, CodeTables, code_tables
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
+from flexviz.units import sliding_note
 
 _HERE = Path(__file__).parent
 # a comment that opens, "[name", or closes, "name]", a template section
@@ -62,7 +63,8 @@ def c_code(identified: IdentifiedRobot) -> FormatFiles:
     listed = ", ".join(f"{i} {_ascii(joint)}" for i, joint in enumerate(identified.joints))
     header = header.replace("JOINT_NAMES", listed).replace("JOINT_COUNT", str(identified.robot.n))
     header = header.replace("GUARD", "UPPER_DYNAMICS_H")
-    header = _comment([*identified.heading[:2], f"See {name}_dynamics.c."]) + "\n" + header
+    units = filter(None, [sliding_note(identified.joints, identified.robot.prismatic)])
+    header = _comment([*identified.heading[:2], *units, f"See {name}_dynamics.c."]) + "\n" + header
     files = {f"{name}_dynamics.h": header, f"{name}_dynamics.c": source}
     return FormatFiles({key: _named(text, name).encode() for key, text in files.items()}, missing)
 

@@ -24,6 +24,7 @@ from flexviz.mounting import mounting_text
 from flexviz.records import Verdict
 from flexviz.results import ResultDocument, lacks_effects
 from flexviz.robot import PayloadBody, Robot
+from flexviz.units import sliding_note
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
@@ -145,6 +146,8 @@ class IdentifiedRobot:
             f"SHA-256 of the set: {self.sha256}",
             "All quantities of the motor are expressed at the joint, after the gear. SI units.",
         ]
+        if note := sliding_note(self.joints, self.robot.prismatic):
+            lines.append(note)
         if groups:
             lines.insert(1, f"Fitted on {', '.join(groups)}" + (", refined" if self.document.refined else ""))
         carried = f"carries the payload {self.payload}" if self.payload else "carries no payload"

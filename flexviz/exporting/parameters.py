@@ -124,7 +124,7 @@ def effect_entries(document: ResultDocument) -> tuple[EffectEntry, ...]:
             values[spec.name] = EffectParameter(
                 value=value.value,
                 std=value.std if p is None else p.std,
-                unit=spec.unit,
+                unit=value.unit if p is None else p.unit,
                 identifiable=None if p is None else p.identifiable,
             )
         entries.append(EffectEntry(effect.effect, values, **place, title=law.title, equation=law.equation))

@@ -18,6 +18,7 @@ from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.xml_text import comment_text, number_text
 from flexviz.mounting import mounting_text
 from flexviz.robot_files import resolve_mesh
+from flexviz.units import joint_unit
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 GRADES = {"yes": "determined by the data", "weak": "weakly determined", "no": "prior (near CAD)"}
@@ -91,6 +92,7 @@ def _write_dynamics(document: Any, joint: Any, i: int, identified: IdentifiedRob
 
     def graded(parameter: str, unit: str) -> str:
         value = float(laws[parameter.removesuffix("_friction")][i])
+        unit = joint_unit(unit, bool(identified.robot.prismatic[i]))
         return f"{parameter} {value!r} {unit} ({GRADES[identified.grade(parameter, identified.joints[i])]})"
 
     stiffness = graded("stiffness", "Nm/rad")

@@ -293,7 +293,8 @@ def _residuals(
         series |= _series(held_out, result, scale, floor)
         rms_validation = _rms(held_out, result, scale)
     rms, spread = _rms(equation, evaluation, scale), measurements.torque_spread
-    own = ResidualSummary(layout.joints, rms, rms_validation, tuple(map(float, floor)), spread)
+    units, noisy = measurements.torque_units, tuple(map(float, floor))
+    own = ResidualSummary(layout.joints, rms, rms_validation, noisy, spread, units=units)
     fitted = tuple(group.name for group in equation.signals.groups)
     try:
         stated = stated_residual(measurements, layout, outcome.x, fitted, outcome.first_phase)

@@ -38,8 +38,9 @@ def stated_residual(
     known = undisturbed(point, x, rows, floor * torque_scale(layout, x))
     between = () if known is None else _rms(errors.residual[rows], known)
     return ResidualSummary(
-        layout.joints, errors.rms, errors.rms_validation, errors.noise_floor, errors.spread, between
-    )
+        layout.joints, errors.rms, errors.rms_validation, errors.noise_floor, errors.spread, between,
+        units=errors.units,
+    )  # fmt: skip
 
 
 def _rms(residual: Array, used: Bools) -> tuple[float, ...]:

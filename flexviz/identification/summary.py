@@ -12,6 +12,7 @@ from flexviz.identification.thresholds import IDENTIFICATION, IdentificationThre
 from flexviz.model import INERTIAL_UNITS
 from flexviz.records import Combination, Grade, ParameterEstimate
 from flexviz.statistics import NORMAL_95
+from flexviz.units import joint_unit
 
 
 def grade(kind: str, std: float, scale: float, prior_share: float) -> Grade:
@@ -127,8 +128,8 @@ def _friction_sums(layout: Layout, x: Array, start: Array, covariance: Covarianc
         total = float(x[pair].sum())
         std = float(np.sqrt(max(covariance.matrix[np.ix_(pair, pair)].sum(), 0.0)))
         identifiable = grade("friction", std, max(total, 1e-12), float(min(covariance.prior_share[pair])))
-        name, unit, begin = "viscous_friction_sum", "Nm s/rad", float(start[pair].sum())
-        out.append(ParameterEstimate(name, joint, total, std, unit, identifiable, begin))
+        unit, begin = joint_unit("Nm s/rad", j in layout.sliding), float(start[pair].sum())
+        out.append(ParameterEstimate("viscous_friction_sum", joint, total, std, unit, identifiable, begin))
     return out
 
 

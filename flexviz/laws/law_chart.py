@@ -17,7 +17,7 @@ def law_chart(law: LawThroughData, height: int = HEIGHT) -> Chart:
     """Binned partial residuals as points and the law as a line, both with their 95 % intervals."""
     largest = float(np.abs(law.law).max(initial=0.0))
     factor, prefix = next(((f, p) for f, p in PREFIXES if largest * f >= 0.1), PREFIXES[-1])
-    factor, prefix = (factor, prefix) if law.quantity_unit == "rad" else PREFIXES[0]
+    factor, prefix = (factor, prefix) if law.quantity_unit in ("rad", "m") else PREFIXES[0]
     at, drawn, std = law.line
     data, line = factor * law.data, factor * drawn
     data_half, law_half = NORMAL_95 * factor * law.data_std, NORMAL_95 * factor * std

@@ -31,6 +31,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
+from flexviz.units import joint_unit
 
 BINS = (32, 16, 8)
 FINE = (400, 200, 100)  # bins in which the law is drawn
@@ -223,8 +224,9 @@ class _Drawing:
         left, noise, std, leftover = self._left(kind.entry, joint, index, per, coarse.bins, prior)
         kept = noise <= max(SHOWN * size, float(noise.min(initial=np.inf)))
         sign, quantity, unit = _vertical(variable, kind.entry == "deflection")
+        across, unit = (joint_unit(one, joint in self._layout.sliding) for one in (variable.unit, unit))
         return LawThroughData(
-            effect.effect, name, effect.group, effect.payload, f"{variable.label} of {name}", variable.unit,
+            effect.effect, name, effect.group, effect.payload, f"{variable.label} of {name}", across,
             quantity, unit, coarse.at[kept], sign * law[kept], coarse.std[kept], sign * (law + left)[kept],
             std[kept], noise[kept], coarse.count[kept], leftover, fine.at, sign * fine.law, fine.std,
         )  # fmt: skip

@@ -33,6 +33,7 @@ from flexviz.measurements.set_document import SetProperties, set_document
 from flexviz.measurements.tables import Table
 from flexviz.mounting import GRAVITY, checked_gravity
 from flexviz.robot import PayloadBody, Robot
+from flexviz.units import joint_units
 
 NOTHING = "none"  # name of the payload of a group that carries nothing
 
@@ -167,6 +168,12 @@ class MeasurementSet:
         """Standard deviation of each joint's recorded torque over all groups [Nm]; 0 without a signal."""
         torque = [segment.tau for group in self.groups for segment in group.segments]
         return tuple(map(float, np.std(np.concatenate(torque), axis=0))) if torque else ()
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of each joint's torque, "N" where it slides; empty if all are in Nm."""
+        slides = self.robot.prismatic
+        return joint_units("Nm", slides) if slides.any() else ()
 
     @cached_property
     def seen_limits(self) -> tuple[SeenLimit, ...]:

@@ -122,7 +122,11 @@ def _told(recording: Recording, name: str) -> str:
     """The same in per cent of the torque and in Nm."""
     residual = recording.result.get("residual", {})
     rms = residual.get(name)
-    return "–" if rms is None else JointErrors(rms, residual.get("torque_spread", ())).whole()
+    return (
+        "–"
+        if rms is None
+        else JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ())).whole()
+    )
 
 
 def _float(value: float | None) -> float:

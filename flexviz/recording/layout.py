@@ -14,13 +14,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
+from flexviz.arrays import Array
 from flexviz.charts import COLOURS, rgb
 from flexviz.diagnosis import Diagnosis
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording.charts import MAX_EVIDENCE
 from flexviz.recording.optimiser import Solve
-from flexviz.recording.paths import ABOUT, ITERATION, LOG, TIME, TITLES, observer_name, path
+from flexviz.recording.paths import ABOUT, ITERATION, LOG, TIME, TITLES, observer_name, path, titled
 from flexviz.recording.scene import Stage
 from flexviz.recording.signals import state_names
 from flexviz.recording.texts import group_title
@@ -38,7 +39,7 @@ def blueprint(
     diagnoses: Sequence[Diagnosis],
 ) -> rrb.Blueprint:
     """The layout for the newest of the recorded content."""
-    groups = measurements.groups
+    groups, slides = measurements.groups, measurements.robot.prismatic
     scenes = [scene_view("", f"3D {group_title(g)}", g.name, stage.eye, stage.centre) for g in groups]
     left = rrb.Vertical(
         rrb.Tabs(*scenes, name="Robots, measured and identified"),
@@ -48,13 +49,13 @@ def blueprint(
     )
     rows: list[rrb.Container | rrb.View] = []
     if observer is not None:
-        rows.append(rrb.Tabs(*(_states(group, observer) for group in groups), name="States"))
+        rows.append(rrb.Tabs(*(_states(group, observer, slides) for group in groups), name="States"))
     if diagnoses or (solves and solves[-1].residuals):
         rows.append(_where_it_fails(measurements, solves, diagnoses))
     if solves:
         rows.append(_convergence(solves[-1]))
     if not rows:
-        rows.append(rrb.Tabs(*(_measured(group) for group in groups), name="Measured"))
+        rows.append(rrb.Tabs(*(_measured(group, slides) for group in groups), name="Measured"))
     shares = [1.4 if row.name == "States" and len(rows) > 2 else 1.0 for row in rows]
     contents = rrb.Horizontal(left, rrb.Vertical(*rows, row_shares=shares), column_shares=[2, 3])
     # loop over the groups' time only, not over that of a long solve
@@ -136,23 +137,23 @@ def _texts(groups: Sequence[Group], solves: Sequence[Solve], diagnoses: Sequence
     return rrb.Tabs(*views, active_tab=1 if diagnoses else 0, name="In words")
 
 
-def _measured(group: Group) -> rrb.Container:
+def _measured(group: Group, slides: Array) -> rrb.Container:
     """The recorded signals of one group."""
     views = [
-        plot(TITLES[f"{name}_0"], "/", [path("groups", group.name, "measured", name) + "/**"])
+        plot(titled(TITLES[f"{name}_0"], slides), "/", [path("groups", group.name, "measured", name) + "/**"])
         for name in ("theta", "tau")
     ]
     return rrb.Vertical(*views, name=f"Measured {group_title(group)}")
 
 
-def _states(group: Group, observer: Observer) -> rrb.Container:
+def _states(group: Group, observer: Observer, slides: Array) -> rrb.Container:
     """All observer states of one group, with the measured signals for comparison."""
     views = []
     for name in state_names(observer):
         contents = [path("observers", observer_name(observer), group.name, name) + "/**"]
         if name in ("theta_0", "tau_0"):
             contents.append(path("groups", group.name, "measured", name.partition("_")[0]) + "/**")
-        views.append(plot(TITLES[name], "/", contents, legend=False))
+        views.append(plot(titled(TITLES[name], slides), "/", contents, legend=False))
     return rrb.Grid(*views, grid_columns=3, name=f"States {group_title(group)}")
 
 
@@ -165,7 +166,7 @@ def _where_it_fails(
     if solves:
         groups = [group for group in measurements.groups if group.name in solves[-1].residuals]
         if groups:
-            over_time = (_residual(measurements.joints, group, solves) for group in groups)
+            over_time = (_residual(measurements, group, solves) for group in groups)
             views.append(rrb.Tabs(*over_time, name="Where it fails: over time"))
         where = path("results", solves[-1].number) if solves[-1].mapped else ""
     if diagnoses and diagnoses[-1].maps and not where:
@@ -185,18 +186,19 @@ def _where_it_fails(
     return rrb.Tabs(*views, name="Where it fails")
 
 
-def _residual(joints: Sequence[str], group: Group, solves: Sequence[Solve]) -> rrb.TimeSeriesView:
+def _residual(measurements: MeasurementSet, group: Group, solves: Sequence[Solve]) -> rrb.TimeSeriesView:
     """The newest result's residual in one group, in front of the first result's in grey."""
     number = solves[-1].number
     origin = path("results", number, "groups", group.name, "residual")
     contents: list[str] = ["$origin/**"]
     overrides: dict[str, Any] = {}
-    for joint in joints if len(solves) > 1 and solves[0].residuals else ():
+    for joint in measurements.joints if len(solves) > 1 and solves[0].residuals else ():
         before = path("results", 1, "groups", group.name, "residual", joint)
         contents.append(before)
         style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"{joint}, result 1", widths=1.0)
         overrides[before] = style.visualizer()
-    name = f"Residual [Nm] {group_title(group)}, result {number}"
+    residual = titled("Residual [Nm]", measurements.robot.prismatic)
+    name = f"{residual} {group_title(group)}, result {number}"
     return plot(name, origin, contents, overrides=overrides)
 
 

@@ -32,12 +32,15 @@ views are never empty, also on `time` [s] since its start. Results and diagnoses
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from hashlib import sha256
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
 from flexviz.observers import Observer
+from flexviz.units import joint_units, unit_of_all
 
 TIME = "time"  # [s]
 ITERATION = "iteration"
@@ -59,6 +62,12 @@ STATES = tuple(name for name in TITLES if name != DISTURBANCE)  # of every obser
 
 ABOUT = "/about"
 LOG = "/log"
+
+
+def titled(text: str, slides: Iterable[Any]) -> str:
+    """A title "θ [rad]" for joints that slide or turn, (n,): "θ [m, rad]"."""
+    head, _, unit = text.removesuffix("]").partition(" [")
+    return f"{head} [{unit_of_all(joint_units(unit, slides), unit)}]"
 
 
 def path(*parts: object) -> str:

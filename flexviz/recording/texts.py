@@ -60,7 +60,8 @@ def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses:
 
 
 def _told(rms: Sequence[float] | None, result: Identification) -> str:
-    return JointErrors(rms, result.residual.torque_spread).whole() if rms else "–"
+    of = result.residual
+    return JointErrors(rms, of.torque_spread, (), of.units).whole() if rms else "–"
 
 
 def result_text(result: Identification, count: int, label: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sized
 from typing import Annotated, Self
 
 import numpy as np
@@ -55,6 +56,7 @@ class ResidualSummary:
             gap disturbs; empty if the model has no effect whose torque is unknown there.
         noise_share: share of the noise in each joint's torque, in the band of the fit (1: nothing but
             noise); empty if unknown.
+        units: of each joint's torque, "N" where it slides; empty if all are in Nm.
     """
 
     joints: tuple[str, ...]
@@ -64,11 +66,16 @@ class ResidualSummary:
     torque_spread: tuple[Number, ...] = ()
     rms_between_reversals: Annotated[tuple[Number, ...], Field(exclude_if=operator.not_)] = ()
     noise_share: tuple[Number, ...] = ()
+    units: Annotated[tuple[str, ...], Field(exclude_if=operator.not_)] = ()
 
     @model_validator(mode="after")
     def _per_joint(self) -> Self:
-        lists = {"rms": self.rms, "rms_validation": self.rms_validation, "noise_floor": self.noise_floor}
-        for name in ("torque_spread", "rms_between_reversals", "noise_share"):
+        lists: dict[str, Sized | None] = {
+            "rms": self.rms,
+            "rms_validation": self.rms_validation,
+            "noise_floor": self.noise_floor,
+        }
+        for name in ("torque_spread", "rms_between_reversals", "noise_share", "units"):
             lists[name] = getattr(self, name) or None
         check_lengths(len(self.joints), "one per joint", **lists)
         return self
@@ -76,10 +83,11 @@ class ResidualSummary:
 
 @dataclass(frozen=True, config=RECORD)
 class TorqueEntry:
-    """Standard deviation of the recorded torque per joint [Nm], over all groups."""
+    """Standard deviation of the recorded torque per joint, over all groups: in `units`, in Nm without."""
 
     joints: tuple[str, ...]
     spread: tuple[Number, ...]
+    units: Annotated[tuple[str, ...], Field(exclude_if=operator.not_)] = ()
 
     @model_validator(mode="after")
     def _per_joint(self) -> Self:
@@ -106,6 +114,7 @@ class StepEntry:
         noise_floor: the rms that noise alone leaves [Nm], one per joint: the same for all models.
         groups: the same errors by group.
         verdict: on it.
+        units: of each joint's torque, "N" where it slides; empty if all are in Nm.
     """
 
     added: FoundEffect | None = None
@@ -114,6 +123,7 @@ class StepEntry:
     groups: tuple[GroupError, ...] = ()
     noise_floor: tuple[Number, ...] = ()
     verdict: Verdict = Field(kw_only=True)
+    units: tuple[str, ...] = Field((), kw_only=True, exclude_if=operator.not_)
 
 
 @dataclass(frozen=True, config=RECORD)

@@ -179,7 +179,7 @@ def steps_parts(
 
     def error(step: StepEntry) -> wording.JointErrors:
         rms = step.rms_validation if held_out and step.rms_validation else step.rms
-        return wording.JointErrors(rms, spread, step.noise_floor)
+        return wording.JointErrors(rms, spread, step.noise_floor, step.units)
 
     def cells(values: Sequence[float]) -> list[str]:
         return [wording.number(value, 2 if narrow else 3) for value in values]
@@ -187,7 +187,8 @@ def steps_parts(
     first, last = result.steps[0], result.steps[-1]
     names = wording.short_names(tuple(joints)) if len(joints) == len(first.rms) else [""] * len(first.rms)
     unit = error(last).unit
-    mean = ["mean"] if unit != "Nm" and len(names) > 1 else []
+    mean = ["mean"] if error(last).relative and len(names) > 1 else []
+    torque = error(last).torque
     title = f"error of the {'held-out' if held_out else 'fitted'} groups [{unit}]"
     steps = list(named_steps(result.steps, joints))
     column = max(COLUMN_WIDTH, *(len(name) + 2 for name in names))
@@ -201,13 +202,18 @@ def steps_parts(
         texts = [wording.explained(share / 100).strip("> %") for share in error(last).shares]
         model = "last" if len(result.steps) > 1 else "present"
         rows.append(["explained" if narrow else f"torque explained by the {model} model [%]", *texts])
-        rows.append(["error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last).rms)])
+        rows.append(
+            [
+                f"error {torque}" if narrow else f"error of the {model} model [{torque}]",
+                *cells(error(last).rms),
+            ]
+        )
     noise = error(last).mark
     if noise is not None:
         if spread:
             of_all = [wording.number(noise.mean, 2)] if mean and not narrow else []
             rows.append(["noise %" if narrow else f"noise [{unit}]", *cells(noise.values), *of_all])
-        rows.append(["noise Nm" if narrow else "noise [Nm]", *cells(noise.rms)])
+        rows.append([f"noise {torque}" if narrow else f"noise [{torque}]", *cells(noise.rms)])
     if not narrow:
         return [steps_table(rows, models, ("verdict",))]
     if sum(max(map(len, cells)) + 2 for cells in zip_longest(*rows, fillvalue="")) > width:

@@ -16,6 +16,7 @@ from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.fields import ResultFields
 from flexviz.results.link_side import LinkSide
 from flexviz.results.tables import fold, in_ascii, interval, plain_table
+from flexviz.units import unit_of_all
 from flexviz.wording import (
     PERCENT,
     JointErrors,
@@ -178,10 +179,14 @@ def residual_parts(residual: ResidualSummary) -> tuple[str, Table]:
         columns = {
             f"{name} [%]": JointErrors(row, residual.torque_spread).shares for name, row in rows.items()
         }
-    columns |= {f"{name} [Nm]": row for name, row in rows.items()}
-    table = plain_table("joint", numbers=tuple(columns))
+    torque = unit_of_all(residual.units)
+    columns |= {f"{name} [{torque}]": row for name, row in rows.items()}
+    mixed = len(set(residual.units)) > 1
+    table = plain_table("joint", numbers=tuple(columns), end=("unit",) if mixed else ())
     fold(table, 0)
     for index, joint in enumerate(residual.joints):
-        table.add_row(joint, *(number(column[index]) for column in columns.values()))
-    measure = f"in {PERCENT} (its standard deviation) and in Nm" if residual.torque_spread else "in Nm"
+        cells = [number(column[index]) for column in columns.values()]
+        table.add_row(joint, *cells, *([residual.units[index]] if mixed else []))
+    measure = f"in {PERCENT} (its standard deviation) and" if residual.torque_spread else ""
+    measure = f"{measure} in {torque.replace(', ', ' and ')}".strip()
     return f"error: rms residual {measure}", table

@@ -42,7 +42,8 @@ class SessionSummary:
     rms: tuple[float, ...]  # one per joint [Nm], as the next two; empty if unknown
     rms_validation: tuple[float, ...]
     noise_floor: tuple[float, ...]
-    torque_spread: tuple[float, ...]  # of the recorded torque; the errors are told in per cent of it
+    torque_spread: tuple[float, ...]  # of the recorded torque; the errors are stated in per cent of it
+    torque_units: tuple[str, ...]  # of each joint; empty if all are in Nm
     parameters: dict[Key, ParameterEstimate]
 
 
@@ -165,6 +166,7 @@ def summary(opened: OpenedSession, found: dict[Source, Any], every: set[Source])
         rms_validation=measured.rms_validation or () if measured else (),
         noise_floor=measured.noise_floor if measured else (),
         torque_spread=measurements.torque_spread,
+        torque_units=measurements.torque_units,
         parameters={(p.name, p.joint, p.payload, p.group): p for p in fitted.parameters} if fitted else {},
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from flexviz.compensation import read_friction_table
 from flexviz.effects import EFFECTS
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
-from flexviz.model import INERTIAL_UNITS, FlexibleModel
+from flexviz.model import INERTIAL_UNITS, JOINT_UNITS, FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never, part
 from flexviz.robot_files import DESCRIPTION_SUFFIXES
 from flexviz.simulation.from_urdf import plan_from_urdf
@@ -23,6 +23,7 @@ from flexviz.simulation.plan import Plan
 from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.resimulating import plan_from_set
 from flexviz.simulation.run import STARTS, Run
+from flexviz.units import joint_units
 
 
 @dataclass(frozen=True)
@@ -180,30 +181,28 @@ def truth(plan: Plan, seed: int) -> dict[str, Any]:
         "start": plan.start,
         "note": plan.note,
         "joints": list(plan.robot.joints),
-        "parameters": true_parameters(plan.model),
-        "effects": true_effects(plan.model),
+        "parameters": true_parameters(plan.model, plan.robot.prismatic),
+        "effects": true_effects(plan.model, plan.robot.prismatic),
     }
 
 
-def true_parameters(model: FlexibleModel) -> list[dict[str, Any]]:
-    """All parameters of the model, without payload."""
-    columns = {
-        "stiffness": (model.stiffness, "Nm/rad"),
-        "motor_inertia": (model.motor_inertia, "kg m²"),
-        "link_viscous_friction": (model.link_viscous_friction, "Nm s/rad"),
-        "motor_viscous_friction": (model.motor_viscous_friction, "Nm s/rad"),
-        "viscous_friction_sum": (model.link_viscous_friction + model.motor_viscous_friction, "Nm s/rad"),
-    }
-    columns |= {name: (model.inertial[:, k], unit) for k, (name, unit) in enumerate(INERTIAL_UNITS.items())}
+def true_parameters(model: FlexibleModel, slides: Iterable[Any]) -> list[dict[str, Any]]:
+    """All parameters of the model, without payload; `slides`: (n,) the prismatic joints."""
+    columns = {name: (getattr(model, name), joint_units(unit, slides)) for name, unit in JOINT_UNITS.items()}
+    viscous = model.link_viscous_friction + model.motor_viscous_friction
+    columns["viscous_friction_sum"] = viscous, joint_units("Nm s/rad", slides)
+    for k, (name, unit) in enumerate(INERTIAL_UNITS.items()):
+        columns[name] = model.inertial[:, k], (unit,) * model.n
     return [
-        {"name": name, "joint": joint, "value": float(values[i]), "unit": unit}
-        for name, (values, unit) in columns.items()
+        {"name": name, "joint": joint, "value": float(values[i]), "unit": units[i]}
+        for name, (values, units) in columns.items()
         for i, joint in enumerate(model.joints)
     ]
 
 
-def true_effects(model: FlexibleModel) -> list[dict[str, Any]]:
-    """All effects with their parameters."""
+def true_effects(model: FlexibleModel, slides: Iterable[Any]) -> list[dict[str, Any]]:
+    """All effects with their parameters; `slides`: (n,) the prismatic joints."""
+    sliding = {joint for joint, one in zip(model.joints, slides, strict=True) if one}
     return [
         {
             "effect": effect.effect,
@@ -211,9 +210,10 @@ def true_effects(model: FlexibleModel) -> list[dict[str, Any]]:
             "group": effect.group,
             "payload": effect.payload,
             "parameters": {
-                name: {"value": float(value), "unit": EFFECTS[effect.effect].units[name]}
+                name: {"value": float(value), "unit": units[name]}
                 for name, value in effect.parameters.items()
             },
         }
         for effect in model.effects
+        for units in [EFFECTS[effect.effect].units_on(effect.joint in sliding)]
     ]

@@ -12,7 +12,8 @@ from flexviz.charts import COLOURS, cividis, css, gradient
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.scene import RobotMotion
-from flexviz.wording import JointErrors, escape, number, short_names, stated_errors
+from flexviz.units import joint_unit, unit_of_all
+from flexviz.wording import TORQUE, JointErrors, escape, number, short_names, stated_errors
 
 Errors = PredictionErrors | DiagnosisStep
 LEAST_END = 5.0  # times the noise: errors below are never drawn bright
@@ -84,11 +85,14 @@ def joints_html(
     time: float,
     chosen: int = -1,
     missing: Mapping[str, str] = MappingProxyType({}),
+    units: Sequence[str] = (),
 ) -> str:
     """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs.
 
-    `missing`: what the verdict says is missing on a joint.
+    `missing`: what the verdict says is missing on a joint; `units`: of the joints' torque, empty: all in Nm.
     """
+    units = units or (TORQUE,) * len(joints)
+    lengths = [joint_unit("mrad", unit != TORQUE) for unit in units]
     torque, deflection = motion.loads(time)
     torque_end, deflection_end = motion.half_turns
     colours = [COLOURS.body] * len(joints) if found is None else found.colours
@@ -107,11 +111,11 @@ def joints_html(
         look = "fv-joint fv-chosen" if index == chosen else "fv-joint"
         node, texts = full.replace("/", "_"), [escape(full)]
         if torque is not None:
-            texts.append(f"torque {number(float(torque[index]), 3)} Nm")
+            texts.append(f"torque {number(float(torque[index]), 3)} {units[index]}")
         if hatched:
             texts.append("deflection not determined")
         elif deflection is not None:
-            texts.append(f"deflection {number(1e3 * float(deflection[index]), 3)} mrad")
+            texts.append(f"deflection {number(1e3 * float(deflection[index]), 3)} {lengths[index]}")
         if full in missing:
             texts.append(f"missing: {escape(missing[full])}")
         if found is not None:
@@ -119,7 +123,8 @@ def joints_html(
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
         rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
     unit = "error" if found is None else f"error [{found.errors.unit.removesuffix(' of the torque')}]"
-    head = f"<th>joint</th><th>{unit}</th><th>τ [Nm]</th><th>θ − q [mrad]</th>"
+    loads = f"<th>τ [{unit_of_all(units)}]</th><th>θ − q [{unit_of_all(lengths)}]</th>"
+    head = f"<th>joint</th><th>{unit}</th>{loads}"
     table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'
     return f'<div class="fv">{table}</div>'
 

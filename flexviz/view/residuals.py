@@ -263,7 +263,7 @@ def groups_html(
         return ""
     cells = []
     for group in errors.groups[:MAX_GROUPS]:
-        one = JointErrors(group.rms, spread, errors.noise_floor)
+        one = JointErrors(group.rms, spread, errors.noise_floor, errors.units)
         tip = f'class="fv-joint fv-tip" title="{one.hover(joint)}"'
         cells.append(f"<span {tip}>{escape(group.name)} <b>{number(one.of(joint), 3)}</b></span>")
     unit = stated_errors(errors, spread).unit

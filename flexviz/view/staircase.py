@@ -177,7 +177,7 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
 def _judged(step: Step | PredictionErrors, spread: Sequence[float]) -> list[wording.JointErrors]:
     """Errors of the fitted and of the validation groups, as far as they are known."""
     rows = (row for row in (step.rms, step.rms_validation) if row)
-    return [wording.JointErrors(row, spread, step.noise_floor) for row in rows]
+    return [wording.JointErrors(row, spread, step.noise_floor, step.units) for row in rows]
 
 
 def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, hatched: bool) -> str:

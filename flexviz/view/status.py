@@ -12,7 +12,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis, standing
 from flexviz.view.link_colours import LEAST_END
-from flexviz.wording import escape, number, quantity, stated_errors
+from flexviz.wording import escape, number, stated_errors
 
 OF_EARLIER = "of an earlier model"
 
@@ -109,7 +109,7 @@ def wrong_html(
     if found.noise and found.rms[worst] < LEAST_END * found.noise[worst]:
         return ""
     share = found.shares[worst]
-    error = f"{number(share, 2)} %" if math.isfinite(share) else quantity(found.rms[worst], "Nm")
+    error = f"{number(share, 2)} %" if math.isfinite(share) else found.in_torque(worst)
     return (
         f'<div class="fv fv-wrong" title="rms residual by the torque of that joint">This arm\'s model is '
         f"wrong by {error} on {escape(joints[worst])}. Find out why.</div>"

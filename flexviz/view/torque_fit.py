@@ -14,6 +14,7 @@ def torque_fit_charts(
     names: Sequence[str],
     notes: Sequence[str],
     height: int,
+    units: Sequence[str] = (),
 ) -> list[Chart]:
     """One chart per joint.
 
@@ -23,10 +24,12 @@ def torque_fit_charts(
         names: of the models, in the legend.
         notes: one per joint.
         height: [px].
+        units: of the joints' torque; empty if all are in Nm.
     """
     charts = []
     colours = (COLOURS.reference, COLOURS.model)[-len(found.residuals) :]
     for j, joint in enumerate(joints):
+        torque = ChartAxis("torque", units[j] if units else "Nm")
         torques = [found.torque[:, j], *(found.torque[:, j] - left[:, j] for left in found.residuals)]
         time, lines = thin(found.time, torques)
         drawn = [ChartSeries("measured", COLOURS.measured, time, lines[0], 3.0)]
@@ -35,7 +38,7 @@ def torque_fit_charts(
             drawn.append(ChartSeries(name, colour, time, line, 1.2, () if last else DASHED))
         charts.append(
             Chart(
-                f"torque:{joint}", joint, TIME, ChartAxis("torque", "Nm"), tuple(drawn),
+                f"torque:{joint}", joint, TIME, torque, tuple(drawn),
                 description=f"Torque of {joint} over time: measured, {', '.join(names)}. {notes[j]}",
                 note=notes[j], height=height,
             )

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from flexviz.units import unit_of_all
 from flexviz.wording.numbers import listed, number, quantity
 from flexviz.wording.records import ErrorsLike
 
@@ -51,38 +52,50 @@ class JointErrors:
         rms: shape (n,) [Nm].
         spread: shape (n,), standard deviation of the joints' torque [Nm]; empty: unknown.
         noise: shape (n,), the rms that the sensors' noise alone would leave [Nm]; empty: unknown.
+        units: shape (n,), "N" of joints that slide, for rms, spread and noise; empty: all are in Nm.
     """
 
     rms: Sequence[float]
     spread: Sequence[float] = ()
     noise: Sequence[float] = ()
+    units: Sequence[str] = ()
+
+    @cached_property
+    def torque(self) -> str:
+        """Unit of the joints' torque: "Nm", "N", or "N, Nm" where some slide."""
+        return unit_of_all(self.units)
 
     @cached_property
     def unit(self) -> str:
-        """PERCENT; TORQUE where the spread of the torque is not known."""
-        return PERCENT if len(self.spread) == len(self.rms) else TORQUE
+        """PERCENT; that of the torque where its spread is not known."""
+        return PERCENT if self.relative else self.torque
+
+    @property
+    def relative(self) -> bool:
+        """Whether the errors are in per cent: the spread of the torque is known."""
+        return len(self.spread) == len(self.rms)
 
     @cached_property
     def values(self) -> list[float]:
         """The error of each joint in `unit`; NaN where it has no torque."""
-        return self.shares if self.unit == PERCENT else list(self.rms)
+        return self.shares if self.relative else list(self.rms)
 
     @cached_property
     def mark(self) -> JointErrors | None:
         """The noise as an error of the same kind; None if it is unknown."""
         known = len(self.noise) == len(self.rms) and all(math.isfinite(one) for one in self.noise)
-        return JointErrors(self.noise, self.spread) if known else None
+        return JointErrors(self.noise, self.spread, (), self.units) if known else None
 
     @cached_property
     def shares(self) -> list[float]:
         """Per cent of each joint's torque; NaN where that is unknown."""
-        known = self.spread if len(self.spread) == len(self.rms) else [math.nan] * len(self.rms)
+        known = self.spread if self.relative else [math.nan] * len(self.rms)
         return [100 * share for share in normalised(self.rms, known)]
 
     @cached_property
     def mean(self) -> float:
         """The error of all joints in `unit`."""
-        if self.unit == TORQUE:
+        if not self.relative:
             return total_rms(self.rms)
         return _mean(self.values)
 
@@ -98,8 +111,7 @@ class JointErrors:
 
     def text(self, joint: int | None = None) -> str:
         """ "7.51 % of the torque", of a joint or of all."""
-        value, unit = self.of(joint), self.unit
-        return quantity(value, unit) if unit == TORQUE else f"{number(value, 3)} {unit}"
+        return f"{number(self.of(joint), 3)} {PERCENT}" if self.relative else self.in_torque(joint)
 
     def short(self, joint: int | None = None) -> str:
         """ "7.51 %"."""
@@ -108,9 +120,9 @@ class JointErrors:
     def hover(self, joint: int | None = None) -> str:
         """What else is known of the same error: "51.3 mNm; noise: 0.442 %, 2.10 mNm"."""
         mark = self.mark
-        parts = [self._torque(joint)] if self.unit != TORQUE else []
+        parts = [self.in_torque(joint)] if self.relative else []
         if mark is not None and mark.of(joint) > 0:
-            also = f", {mark._torque(joint)}" if self.unit != TORQUE else ""
+            also = f", {mark.in_torque(joint)}" if self.relative else ""
             parts.append(f"noise: {mark.short(joint)}{also}")
         return "; ".join(parts)
 
@@ -118,22 +130,29 @@ class JointErrors:
         """The error of a joint, not in this unit but in the other one; empty if it is not known there."""
         share = self.shares[joint]
         if unit == PERCENT:
-            return self._torque(joint)
+            return self.in_torque(joint)
         return f"{number(share, 3)} {PERCENT}" if math.isfinite(share) else ""
 
     def whole(self, joint: int | None = None) -> str:
         """ "7.51 % of the torque (51.3 mNm)"."""
-        return self.text(joint) if self.unit == TORQUE else f"{self.text(joint)} ({self._torque(joint)})"
+        return f"{self.text(joint)} ({self.in_torque(joint)})" if self.relative else self.text(joint)
 
-    def _torque(self, joint: int | None) -> str:
-        return quantity(total_rms(self.rms) if joint is None else self.rms[joint], "Nm")
+    def in_torque(self, joint: int | None = None) -> str:
+        """ "51.3 mNm", of a joint or of all: of those that turn and those that slide apart."""
+        units = self.units or (TORQUE,) * len(self.rms)
+        if joint is not None:
+            return quantity(self.rms[joint], units[joint])
+        kinds: dict[str, list[float]] = {}
+        for unit, value in zip(units, self.rms, strict=True):
+            kinds.setdefault(unit, []).append(value)
+        return " and ".join(quantity(total_rms(some), unit) for unit, some in kinds.items())
 
 
 def stated_errors(of: ErrorsLike, spread: Sequence[float]) -> JointErrors:
     """Errors of the validation groups where known, else of the fitted ones: what every page states."""
     held_out = of.rms_validation
     rms = held_out if held_out and all(map(math.isfinite, held_out)) else of.rms
-    return JointErrors(rms, spread, of.noise_floor)
+    return JointErrors(rms, spread, of.noise_floor, of.units)
 
 
 def _mean(values: Sequence[float]) -> float:

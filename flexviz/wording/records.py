@@ -9,7 +9,7 @@ from flexviz.records import CandidateEffect, DetectionLimit, Note, ResidualLocat
 
 
 class ErrorsLike(Protocol):
-    """Errors of a model per joint [Nm]."""
+    """Errors of a model per joint, in `units`; in Nm without."""
 
     @property
     def rms(self) -> Sequence[float]: ...
@@ -17,6 +17,8 @@ class ErrorsLike(Protocol):
     def rms_validation(self) -> Sequence[float] | None: ...
     @property
     def noise_floor(self) -> Sequence[float]: ...
+    @property
+    def units(self) -> Sequence[str]: ...
 
 
 class DiagnosisLike(Protocol):

@@ -25,7 +25,8 @@ from flexviz.report.blocks import (
 from flexviz.report.content import ReportContent
 from flexviz.report.robots import robot_picture
 from flexviz.report.sections.summary import fall
-from flexviz.wording import JointErrors, explained, number, quantity, stated_errors, text_names, total_rms
+from flexviz.robot import Robot
+from flexviz.wording import JointErrors, explained, number, stated_errors, text_names, total_rms
 
 MAX_MODELS = 7  # columns per table
 
@@ -104,14 +105,14 @@ def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
     held_out = all(step.rms_validation for step in steps)
     shown = columns(len(steps))
     rms = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
-    errors = [JointErrors(one, content.spread, steps[-1].noise_floor) for one in rms]
+    errors = [JointErrors(one, content.spread, steps[-1].noise_floor, steps[-1].units) for one in rms]
     last, mark = errors[-1], errors[-1].mark
     rows = [
         [
             joint,
             *(number(errors[k].values[j], 3) for k in shown),
             explained(last.shares[j] / 100),
-            quantity(last.rms[j], "Nm"),
+            last.in_torque(j),
             "–" if mark is None else mark.whole(j).replace("of the torque ", ""),
         ]
         for j, joint in enumerate(content.joints)
@@ -136,7 +137,7 @@ def where(content: ReportContent) -> Section | None:
         return None
     curves = [
         replace(chart, height=SMALL_HEIGHT, note=chart.description)
-        for chart in _curves(diagnosis)
+        for chart in _curves(diagnosis, content.measurements.robot)
         if chart.series
     ]
     return section(
@@ -151,13 +152,14 @@ def where(content: ReportContent) -> Section | None:
     )
 
 
-def _curves(diagnosis: Diagnosis) -> list[Chart]:
+def _curves(diagnosis: Diagnosis, robot: Robot) -> list[Chart]:
     worst = diagnosis.where[0].joint if diagnosis.where else diagnosis.maps[0].joint
     lead = view.leading_map(diagnosis.maps, worst)
+    slides = lead is not None and bool(robot.prismatic[robot.joints.index(lead.joint)])
     spectrum = None if lead is None else view.map_of(diagnosis.maps, lead.joint, "frequency")
     return [
-        *([] if lead is None else [view.map_chart(lead)]),
-        *([] if spectrum is None else [view.spectrum_chart(spectrum)]),
+        *([] if lead is None else [view.map_chart(lead).of_joint(slides)]),
+        *([] if spectrum is None else [view.spectrum_chart(spectrum).of_joint(slides)]),
         view.free_chart(diagnosis.free_curve),
     ]
 

@@ -87,15 +87,18 @@ def _main(found: Sequence[ParameterEstimate]) -> list[blocks.Block]:
 
 def _row(name: str, at: Mapping[str, ParameterEstimate], places: Sequence[str]) -> list[str | blocks.Cell]:
     """Name with unit, and the value at every place; large torques and stiffnesses with the prefix k or M."""
-    unit = next(iter(at.values())).unit
+    units = {p.unit for p in at.values()}
+    unit = units.pop() if len(units) == 1 else ""  # joints that slide and that turn: each cell has its own
     largest = max(abs(p.value) for p in at.values())
     factor, prefix = next(((f, p) for f, p, least in LARGE if largest >= least), (1.0, ""))
-    factor, prefix = (factor, prefix) if unit.startswith("Nm") else (1.0, "")
+    factor, prefix = (factor, prefix) if unit.startswith("N") else (1.0, "")
     label = f"{plain_name(name)} [{prefix}{unit}]" if unit_text(unit) else plain_name(name)
     cells = [
         ""
         if (p := at.get(place)) is None
-        else estimate_mark(p, factor) + (", at its bound" if p.at_bound else "")
+        else estimate_mark(p, factor)
+        + (f" {unit_text(p.unit)}".rstrip() if units else "")
+        + (", at its bound" if p.at_bound else "")
         for place in places
     ]
     return [label, *cells]

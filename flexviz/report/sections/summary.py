@@ -85,11 +85,11 @@ def numbers(content: ReportContent) -> list[Tile]:
     if errors:
         held_out = bool(found[-1].rms_validation)
         shown = " → ".join(one.short() for one in errors)
-        rest = " → ".join(wording.quantity(wording.total_rms(one.rms), "Nm") for one in errors)
+        rest = " → ".join(one.in_torque() for one in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
         tiles.append(Tile("Error", shown, f"{errors[-1].unit}, mean of the joints; {groups}; {rest}"))
     if floor:
-        torque = wording.quantity(wording.total_rms(floor), "Nm")
+        torque = wording.JointErrors(floor, (), (), found[-1].units).in_torque()
         note = f"rms of the joints {torque}, of the sensors alone: the same for all models"
         tiles.append(Tile("Noise", wording.percent(wording.mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)

@@ -32,11 +32,12 @@ def torque(content: ReportContent) -> Section | None:
             f"Error {' → '.join([*(one.short(j) for one in errors[:-1]), errors[-1].whole(j)])}."
             for j in range(len(content.joints))
         ]
+    units = content.measurements.torque_units
     held_out = content.measurements.group(group).validation
     kind = "held out: it was not fitted" if held_out else "fitted"
     first = "before: model 0; after: the present model. " if len(names) > 1 else ""
     return section(
         "Measured and model torque",
         explanation(f"Group {group} ({kind}), below 5 Hz; {first}In a good model the lines coincide."),
-        Figures(view.torque_fit_charts(found, content.joints, names, notes, SMALL_HEIGHT)),
+        Figures(view.torque_fit_charts(found, content.joints, names, notes, SMALL_HEIGHT, units)),
     )
