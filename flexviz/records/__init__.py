@@ -12,10 +12,19 @@ from flexviz.records.entries import (
 )
 from flexviz.records.findings import Absorbed, CandidateEffect, Family, FoundEffect, Tie
 from flexviz.records.notes import DetectionLimit, Grade, LimitReason, Note, NoteKind, Verdict
-from flexviz.records.parameters import Combination, EffectEntry, EffectParameter, ParameterEstimate
+from flexviz.records.parameters import (
+    NOT_DETERMINED,
+    Combination,
+    EffectEntry,
+    EffectParameter,
+    Interval,
+    ParameterEstimate,
+    is_determined,
+)
 from flexviz.records.trace import Decoys, Move
 
 __all__ = [
+    "NOT_DETERMINED",
     "Absorbed",
     "CandidateEffect",
     "Combination",
@@ -30,6 +39,7 @@ __all__ = [
     "GainsEntry",
     "Grade",
     "GroupError",
+    "Interval",
     "LimitReason",
     "ModelEntry",
     "Move",
@@ -45,4 +55,5 @@ __all__ = [
     "TorqueEntry",
     "Verdict",
     "curve_tables",
+    "is_determined",
 ]
