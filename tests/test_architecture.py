@@ -31,6 +31,7 @@ LAYERS = (
         "fields",
         "iteration",
         "limits",
+        "names",
         "files",
         "resources",
         "progress",

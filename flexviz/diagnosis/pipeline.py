@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +25,19 @@ from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.seen_limits import limit_findings
+from flexviz.diagnosis.settings import diagnosed_set
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
-from flexviz.identification import Estimate, link_side_checks, parameter_estimates
-from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, silent_joints
+from flexviz.identification import (
+    Estimate,
+    FitOptions,
+    FitSettings,
+    fit_settings,
+    link_side_checks,
+    parameter_estimates,
+)
+from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
@@ -37,15 +48,18 @@ Array = NDArray[np.float64]
 
 
 def diagnose(
-    measurements: MeasurementSet,
+    measurements: MeasurementSet | str | Path,
+    settings: FitSettings | None = None,
     *,
     apply: bool = False,
-    guarded: bool | None = None,
+    guard: bool | None = None,
     free_curve: bool | None = None,
     decoys: bool = False,
     survey: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
+    guarded: bool | None = None,
+    **options: Unpack[FitOptions],
 ) -> Diagnosis:
     """Determine whether the set's model is complete, and if not, what is missing.
 
@@ -54,10 +68,11 @@ def diagnose(
     units of the sensors' noise. What no effect explains is called unknown.
 
     Args:
-        measurements: the measurement set.
+        measurements: the measurement set, or its folder.
+        settings: groups and effects, of which `options` change some; None: those of the set.
         apply: whether the result describes the model with the effects that were found, step by step.
             Otherwise it describes the set's own model.
-        guarded: whether to check the parameters against the observer's bandwidth; default: only if the
+        guard: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": whether the final model has a free curve
             of what no effect explains. Default: only if the effects were estimated together with one.
@@ -66,7 +81,17 @@ def diagnose(
         survey: whether `progress` is told at the beginning what each effect alone would remove.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
+        guarded: the old name of `guard`.
+        options: fields of `FitSettings`.
+
+    Raises:
+        InputError: unknown names, or a setting that a diagnosis chooses itself: observer, bandwidth, gains,
+            refine, max_iterations.
     """
+    if guarded is not None:
+        warnings.warn("diagnose(guarded=…) is now diagnose(guard=…)", DeprecationWarning, stacklevel=2)
+        guard = guarded
+    measurements = diagnosed_set(set_of(measurements), fit_settings(settings, **options))
     measurements, notes = without_still_groups(measurements)
     notes += noise_notes(measurements)
     should_stop = should_stop or never
@@ -78,7 +103,7 @@ def diagnose(
             end, found = course.concluded(end)
             if end.curves and free_curve is False:
                 found = course.without_curves(found)
-            result = _Description(course, end, found, apply, guarded).result()
+            result = _Description(course, end, found, apply, guard).result()
         if apply and free_curve and not why_no_curve(result):
             course.searching = True
             try:
@@ -102,14 +127,14 @@ class _Description:
         course, end: the search, and where it ended.
         estimate: of the final model.
         apply: whether the result describes the model with what was found, or the set's own one.
-        guarded: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
+        guard: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
     """
 
     course: Course
     end: SearchEnd
     estimate: Estimate
     apply: bool
-    guarded: bool | None
+    guard: bool | None
 
     def result(self) -> Diagnosis:
         """The result."""
@@ -147,7 +172,7 @@ class _Description:
             curve = fit_free_curve(context, fit if beside is None else beside.fit, where[0], parts)
             curve = None if end.curves and not curve.certain else curve
         puzzling = unknown and end.at_noise and end.changing is None and beside is None
-        if not course.stopped and (self.guarded or (self.guarded is None and puzzling)):
+        if not course.stopped and (self.guard or (self.guard is None and puzzling)):
             course.tell(SearchStage.BANDWIDTH)
             guard = check_bandwidth(course.measurements, layout, shown.x)
         told = () if beside is None else beside.notes(context, parts, fit)
