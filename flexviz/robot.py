@@ -99,8 +99,7 @@ class Robot:
         `joints` None takes every revolute, continuous and prismatic joint in tree order that moves a mass
         and follows no other joint (mimic). `gravity` (3,) [m/s²] is in the base's frame: a robot on a wall.
         """
-        path = find_urdf(source, base)
-        joints = None if joints is None else names_of(joints)
+        path, joints = find_urdf(source, base), None if joints is None else names_of(joints)
         described = read_urdf(path)
         mimics = described.mimics
         try:

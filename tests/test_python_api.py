@@ -126,3 +126,25 @@ def test_intervals_of_stiffness_without_a_limit_and_of_wide_ones() -> None:
     assert str(wide.interval) == "not determined" and wide.interval.lower == pytest.approx(-2.92)
     none = flexviz.ParameterEstimate("offset", "joint1", 0.01, 0.02, "Nm", identifiable="yes")
     assert none.interval.determined and 0.0 in none.interval
+
+
+def test_a_diagnosis_carries_the_numbers_of_its_criterion(diagnosed_demo: flexviz.Diagnosis) -> None:
+    found = diagnosed_demo.criterion
+    assert found is not None and found.joints == ("joint1", "joint2") and found.resolution == "fine"
+    assert found.parameter_cost == pytest.approx(0.5 * np.log(sum(found.samples)))  # Schwarz
+    assert all(least >= 1.0 for least in found.least)  # nothing below the noise counts
+    assert found.effect_cost > 0.0
+    document = flexviz.ResultDocument.from_dict(diagnosed_demo.to_dict())
+    assert document.criterion == found
+    older = {key: value for key, value in diagnosed_demo.to_dict().items() if key != "criterion"}
+    assert flexviz.ResultDocument.from_dict(older).criterion is None
+    assert "criterion" not in flexviz.ResultDocument.from_dict(older).to_dict()
+
+
+def test_a_search_that_ends_above_the_noise_states_its_least_error_in_newton_metres(
+    demo: MeasurementSet,
+) -> None:
+    found = flexviz.diagnose(demo, should_stop=stopped).criterion
+    assert found is not None and found.resolution == "coarse"
+    spread = np.array(demo.torque_spread)
+    assert np.all(np.array(found.least) < 0.01 * spread) and min(found.least) > 0.0

@@ -41,7 +41,7 @@ from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text,
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
-from flexviz.records import Decoys, DetectionLimit, Move, Note, Verdict
+from flexviz.records import CriterionNumbers, Decoys, DetectionLimit, Move, Note, Resolution, Verdict
 from flexviz.wording import SearchStage, listed
 
 Array = NDArray[np.float64]
@@ -98,25 +98,31 @@ def diagnose(
     with threadpool_limits(1, "blas"), stopped_by(should_stop), existing_objects_kept():
         course = Course(measurements, progress, should_stop, survey)
         course.view.decoys = course.fine.decoys = decoys
-        end = course.run()
-        with stopped_by(never):
-            end, found = course.concluded(end)
-            if end.curves and free_curve is False:
-                found = course.without_curves(found)
-            result = _Description(course, end, found, apply, guard).result()
-        if apply and free_curve and not why_no_curve(result):
-            course.searching = True
-            try:
-                result = with_free_curve(measurements, result, course.say)
-            except Interrupted:
-                result = replace(result, stopped=True)
-            result = replace(result, seconds=time.perf_counter() - course.began)
-        if result.stopped and not result.findings and (best := course.news.so_far) is not None:
-            result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
+        result = _described(course, apply, guard, free_curve)
         if progress is not None and not result.stopped:
             progress(course.pace.done())
-        del course, end  # before what they leave is collected
+        del course  # before what it leaves is collected
     return replace(result, notes=(*result.notes, *notes))
+
+
+def _described(course: Course, apply: bool, guard: bool | None, free_curve: bool | None) -> Diagnosis:
+    """Run a search, and describe what it has found; arguments as of `diagnose`."""
+    end = course.run()
+    with stopped_by(never):
+        end, found = course.concluded(end)
+        if end.curves and free_curve is False:
+            found = course.without_curves(found)
+        result = _Description(course, end, found, apply, guard).result()
+    if apply and free_curve and not why_no_curve(result):
+        course.searching = True
+        try:
+            result = with_free_curve(course.measurements, result, course.say)
+        except Interrupted:
+            result = replace(result, stopped=True)
+        result = replace(result, seconds=time.perf_counter() - course.began)
+    if result.stopped and not result.findings and (best := course.news.so_far) is not None:
+        result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +200,7 @@ class _Description:
             notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,
             free_curve=curve, guard=guard, torque_spread=course.measurements.torque_spread,
             trace=tuple(map(self.told, course.trace)),
-            decoys=self.counted_decoys() if course.view.decoys else None,
+            decoys=self.counted_decoys() if course.view.decoys else None, criterion=self.criterion(),
             link_side=link_side_checks(
                 course.measurements, shown.x[links].reshape(-1, 10),
                 shown.covariance.matrix[links, links], parameters[layout.compliance],
@@ -237,6 +243,14 @@ class _Description:
             yield Note("other", saturated_text(limits, self.course.own.joints))
         if (phase := self.course.view.context.first_phase).any():
             yield Note("standstill", standstill_text(self.course.own.joints, phase))
+
+    def criterion(self) -> CriterionNumbers:
+        """The numbers of J where the search ended."""
+        resolution: Resolution = "fine" if self.end.at_noise else "coarse"
+        found = (self.course.fine if self.end.at_noise else self.course.view).criterion
+        samples, least = (tuple(map(float, values)) for values in (found.samples, found.least))
+        joints, costs = self.course.own.joints, (found.of_parameter, found.of_effect)
+        return CriterionNumbers(resolution, joints, samples, least, *costs)
 
     def counted_decoys(self) -> Decoys:
         """How many decoys the final model has, and how many competed."""

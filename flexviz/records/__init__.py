@@ -1,5 +1,6 @@
 """Records of a result: parameters, errors, findings, models on the way, curves, notes."""
 
+from flexviz.records.criterion import CriterionNumbers, Resolution
 from flexviz.records.curves import CurveTable, FreeCurve, ResidualLocation, ResidualMap, curve_tables
 from flexviz.records.entries import (
     GainsEntry,
@@ -28,6 +29,7 @@ __all__ = [
     "Absorbed",
     "CandidateEffect",
     "Combination",
+    "CriterionNumbers",
     "CurveTable",
     "Decoys",
     "DetectionLimit",
@@ -50,6 +52,7 @@ __all__ = [
     "ResidualLocation",
     "ResidualMap",
     "ResidualSummary",
+    "Resolution",
     "StepEntry",
     "Tie",
     "TorqueEntry",
