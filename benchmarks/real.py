@@ -60,7 +60,7 @@ def examine(folder: Path) -> list[str]:
     measurements = read_set(folder)
     began = time.process_time()
     result: Any = diagnose(
-        measurements, apply=True, guarded=True, progress=lambda p: print(p.text, file=sys.stderr)
+        measurements, apply=True, guard=True, progress=lambda p: print(p.text, file=sys.stderr)
     )
     seconds = time.process_time() - began
     print(f"\n{folder.name}\n{result.summary()}")

@@ -34,7 +34,7 @@ _NAMES = {
     "observers": "OBSERVERS EsoGains LiveObserver Observer make_observer",
     "parallel": "on_cores",
     "progress": "Progress",
-    "records": "ParameterEstimate ResidualSummary",
+    "records": "CriterionNumbers Interval ParameterEstimate ResidualSummary",
     "results": "ParameterNotFound ResultDocument read_result",
     "robot": "PayloadBody Robot",
     "simulation": "replay simulate_run",
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from flexviz.observers import OBSERVERS, EsoGains, LiveObserver, Observer, make_observer
     from flexviz.parallel import on_cores
     from flexviz.progress import Progress
-    from flexviz.records import ParameterEstimate, ResidualSummary
+    from flexviz.records import CriterionNumbers, Interval, ParameterEstimate, ResidualSummary
     from flexviz.results import ParameterNotFound, ResultDocument, read_result
     from flexviz.robot import PayloadBody, Robot
     from flexviz.session import OpenedSession as Session
@@ -69,6 +69,7 @@ __all__ = [
     "OBSERVERS",
     "Cancelled",
     "ConvergenceError",
+    "CriterionNumbers",
     "Design",
     "DesignSettings",
     "Diagnosis",
@@ -82,6 +83,7 @@ __all__ = [
     "Group",
     "Identification",
     "InputError",
+    "Interval",
     "Iteration",
     "LiveObserver",
     "MeasurementSet",

@@ -1,11 +1,11 @@
 """Atomic writing of files and folders, leftovers of killed processes, checksums, and JSON text.
 
-What is being written has a hidden name that ends in `PART`, and its process holds a lock on it.
+What is being written has a hidden name that ends in `PART`, and its process holds a lock on it: on a file
+itself, on a file `LOCK` in a folder.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import io
 import json
@@ -26,6 +26,7 @@ from flexviz.errors import InputError
 PART = ".flexviz-part"  # suffix of files and folders while they are written
 ABANDONED = 600.0  # [s] age of unlocked ones that a killed process has left
 NEW, OLD = "new", "old"  # in the hidden folder: what is written, and what it replaces
+LOCK = ".lock"  # in the hidden folder, and in a session's while it is saved
 _looked_through: set[Path] = set()  # folders where this process has removed leftovers
 
 
@@ -107,13 +108,12 @@ def temporary_folder(purpose: str) -> Iterator[Path]:
 
 @contextmanager
 def _hidden_folder(prefix: str, parent: Path) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix=prefix, suffix=PART, dir=parent) as folder:
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            lock(descriptor)
-            yield Path(folder)
-        finally:
-            os.close(descriptor)
+    with (
+        tempfile.TemporaryDirectory(prefix=prefix, suffix=PART, dir=parent) as folder,
+        (Path(folder) / LOCK).open("wb") as file,
+    ):
+        lock(file.fileno())
+        yield Path(folder)
 
 
 def copy_tree(source: Path, target: Path, ignore: Callable[[str, list[str]], set[str]] | None = None) -> None:
@@ -135,12 +135,13 @@ def sync_folder(folder: Path) -> None:
 
 
 def lock(descriptor: int) -> bool:
-    """Try to lock an open file or folder until it is closed; whether that worked."""
+    """Try to lock an open file until it is closed; whether that worked."""
+    from filelock import lock_descriptor  # 50 ms, for those who write
+
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # somebody else's, or a file system without locks
+        return lock_descriptor(descriptor, blocking=False)
+    except OSError:  # a file system without locks
         return False
-    return True
 
 
 def remove_leftovers(folder: Path, age: float = ABANDONED) -> None:
@@ -151,26 +152,29 @@ def remove_leftovers(folder: Path, age: float = ABANDONED) -> None:
     for left in folder.glob(f"*{PART}"):
         with suppress(OSError):  # gone meanwhile, or not readable
             found = left.lstat()
-            own = found.st_uid == os.geteuid() and not stat.S_ISLNK(found.st_mode)
-            if own and time.time() - found.st_mtime >= age:
+            own = not hasattr(os, "geteuid") or found.st_uid == os.geteuid()
+            kind = stat.S_IFMT(found.st_mode)
+            if own and kind in (stat.S_IFREG, stat.S_IFDIR) and time.time() - found.st_mtime >= age:
                 _remove_unlocked(left)
 
 
 def _remove_unlocked(left: Path) -> None:
-    descriptor = os.open(left, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    folder = left.is_dir()
+    flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | (os.O_CREAT if folder else 0)
+    descriptor = os.open(left / LOCK if folder else left, flags)
     try:
         if not lock(descriptor):
             return
-        if not left.is_dir():
-            left.unlink()
-            return
-        if (left / OLD).exists():
-            replaced = left.with_name(left.name.removesuffix(PART)[1:].rpartition(".")[0])
-            if not replaced.exists():
-                os.replace(left / OLD, replaced)
-        shutil.rmtree(left, ignore_errors=True)
     finally:
-        os.close(descriptor)
+        os.close(descriptor)  # some systems remove no open files; nobody writes there again
+    if not folder:
+        left.unlink()
+        return
+    if (left / OLD).exists():
+        replaced = left.with_name(left.name.removesuffix(PART)[1:].rpartition(".")[0])
+        if not replaced.exists():
+            os.replace(left / OLD, replaced)
+    shutil.rmtree(left, ignore_errors=True)
 
 
 def remove_leftovers_once(folder: Path) -> None:

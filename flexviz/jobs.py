@@ -1,7 +1,7 @@
 """Background jobs: one worker, one task at a time, with progress, stopping and error messages.
 
 A `Task` runs either in a child process, which does not block playback by the interpreter lock, or in a
-thread, which avoids copying the result.
+thread, which avoids copying the result. Where the system hands no pipe to a child, all run in a thread.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
 a single BLAS thread and a lower priority, and exits when the pipe closes. A task may share its work with
@@ -36,6 +36,7 @@ from flexviz.progress import ProgressCallback, StopCallback
 
 Result = TypeVar("Result")
 Kind = Literal["progress", "done", "stopped", "failed"]
+HANDS_PIPES = hasattr(os, "fork")  # to a child process
 STOP_GRACE = 5.0  # [s] that a stopped task whose result nobody wants may take before its process is replaced
 _CHILD = "import sys; from flexviz.jobs import child_main; child_main(int(sys.argv[1]))"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -210,7 +211,8 @@ class Worker:
                 if not self._waiting:
                     return
                 job = self._current = self._waiting.pop(0)
-            kind, value = _outcome(partial(self._in_child if job.task.in_process else self._in_thread, job))
+            apart = job.task.in_process and HANDS_PIPES
+            kind, value = _outcome(partial(self._in_child if apart else self._in_thread, job))
             with self._change:
                 self._current = None
             job.tell(kind, value)
@@ -290,7 +292,7 @@ class _Child:
 
 def child_main(descriptor: int) -> None:
     """The child process: run the tasks that come through the pipe until it closes."""
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, AttributeError):  # not everywhere
         os.nice(5)  # playback and the page have priority
     pipe, here = mpc.Connection(descriptor), os.getpid()
     lock = threading.Lock()

@@ -37,7 +37,8 @@ _work: tuple[Callable[[Any], Any], list[Any]]  # of a forked process
 
 def usable_cores() -> int:
     """Cores that this process may use, at most `MOST_CORES`; 1 where processes cannot safely be forked."""
-    return min(len(os.sched_getaffinity(0)), MOST_CORES) if sys.platform == "linux" else 1
+    safe = sys.platform == "linux" and hasattr(os, "fork") and hasattr(os, "sched_getaffinity")
+    return min(len(os.sched_getaffinity(0)), MOST_CORES) if safe else 1
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from flexviz._pinocchio import effort_limit, parent_joint, pin
 from flexviz.errors import InputError, choose_from
 from flexviz.mounting import GRAVITY, upright
+from flexviz.names import names_of
 from flexviz.robot_files import SETTINGS, RobotSettings, find_urdf, is_library_robot, load_settings, read_urdf
 from flexviz.urdf_checks import MAX_JOINTS, check_body
 from flexviz.urdf_inertias import inertia_notes
@@ -91,7 +92,7 @@ class Robot:
 
     @staticmethod
     def load(
-        source: str | Path, joints: Sequence[str] | None = None, base: Path | None = None,
+        source: str | Path, joints: str | Sequence[str] | None = None, base: Path | None = None,
         gravity: Sequence[float] = GRAVITY,
     ) -> Robot:  # fmt: skip
         """Load a URDF by path (relative to `base`), `example-robot-data:<name>` or `robots:<name>`.
@@ -99,6 +100,7 @@ class Robot:
         `joints` None takes every revolute, continuous and prismatic joint in tree order that moves a mass
         and follows no other joint (mimic). `gravity` (3,) [m/s²] is in the base's frame: a robot on a wall.
         """
+        joints = None if joints is None else names_of(joints)
         described = read_urdf(path := find_urdf(source, base))
         mimics = described.mimics
         try:

@@ -14,7 +14,7 @@ from flexviz.equation import layout_of
 from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.files import write_file
 from flexviz.identification import FitOptions, FitSettings, Identification, fit_settings, identify
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.measurements import MeasurementSet, set_of
 from flexviz.model import FlexibleModel
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.report import diagnosed_session, session_animation, session_report
@@ -104,7 +104,7 @@ def write_report(
         session = _completed(opened, guard, progress, should_stop)
     else:
         callbacks = {"progress": progress, "should_stop": should_stop}
-        found = diagnose(opened.measurements, apply=True, guarded=guard, **callbacks)
+        found = diagnose(opened.measurements, apply=True, guard=guard, **callbacks)
         session = diagnosed_session(opened.measurements, found)
     if keep is not None:
         save_session(session, opened.measurements, keep)
@@ -143,7 +143,7 @@ def _completed(
         found = diagnose(
             chosen_set(measurements, analysis),
             apply=False,
-            guarded=guard,
+            guard=guard,
             progress=progress,
             should_stop=should_stop,
         )
@@ -151,13 +151,13 @@ def _completed(
     diagnosis = analysis.diagnosis
     if guard and diagnosis is not None and diagnosis.guard is None and diagnosis.model is not None:
         progress(Progress("checking parameters against the observer's bandwidth"))
-        found = guarded(measurements, analysis, diagnosis.model, should_stop)
+        found = bandwidth_checked(measurements, analysis, diagnosis.model, should_stop)
         checked = replace(analysis, diagnosis=replace(diagnosis, guard=found))
         return session.then("looked at the bandwidth", checked)
     return session
 
 
-def guarded(
+def bandwidth_checked(
     measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: StopCallback
 ) -> BandwidthCheck:
     """Bandwidth check of the final model of a diagnosis."""
@@ -182,7 +182,7 @@ def record(
     out: str | Path,
     settings: FitSettings | None = None,
     *,
-    add_missing: bool = False,
+    apply: bool = False,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
     **options: Unpack[FitOptions],
@@ -193,13 +193,12 @@ def record(
         measurements: the set, or its folder.
         out: file to write, .rrd.
         settings, options: as in `identify`.
-        add_missing: also find the missing effects, add them one by one and record every step.
+        apply: also find the missing effects, add them one by one and record every step.
         progress, should_stop: see `flexviz.progress`; what was recorded before a stop is kept.
     """
     from flexviz.recording import recording_file
 
-    if not isinstance(measurements, MeasurementSet):
-        measurements = read_set(measurements)
+    measurements = set_of(measurements)
     chosen, results = fit_settings(settings, **options), list[Identification]()
     effects = list(chosen.effects)
     with recording_file(measurements, out, progress=progress, should_stop=should_stop) as file:
@@ -216,11 +215,11 @@ def record(
             effects=effects,
             groups=list(chosen.groups or ()),
             refine=chosen.refine,
-            diagnose=add_missing,
+            diagnose=apply,
         )
         file.recorder.observe(chosen.make_observer(), file.part(0.1, 0.25))
         _solve(file, effects, f"with {', '.join(effects)}" if effects else "present model", fit, results)
-        if add_missing:
+        if apply:
             extended = replace(measurements, effects=(*measurements.effects, *effects))
             found = diagnose(extended, apply=True, progress=progress, should_stop=should_stop)
             file.recorder.diagnosis(found)

@@ -44,7 +44,8 @@ def document(model: FlexibleModel, **more: Any) -> ResultDocument:
     known = {"std": 1e-3, "identifiable": "yes"}
     values = [p | known for p in true_parameters(model, [False] * model.n)]
     return ResultDocument.model_validate(
-        {"format": 1, "set": "made", "parameters": values, "effects": true_effects(model, [False] * model.n)} | more
+        {"format": 1, "set": "made", "parameters": values, "effects": true_effects(model, [False] * model.n)}
+        | more
     )
 
 

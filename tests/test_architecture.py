@@ -32,6 +32,7 @@ LAYERS = (
         "units",
         "iteration",
         "limits",
+        "names",
         "files",
         "resources",
         "progress",

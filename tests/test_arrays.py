@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import pytest
+import xarray
 
 import flexviz
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
@@ -118,7 +120,6 @@ def _with_dims(values: np.ndarray) -> Labelled:
 
 
 def test_pandas_and_xarray(recorded: Segment) -> None:
-    pandas, xarray = pytest.importorskip("pandas"), pytest.importorskip("xarray")
     frame = pandas.DataFrame(columns(recorded))
     names = {"time": recorded.time, "joint": ["joint1", "joint2"]}
     both = {kind: (("time", "joint"), getattr(recorded, kind)) for kind in ("theta", "tau")}

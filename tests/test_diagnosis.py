@@ -139,7 +139,7 @@ def test_stopped_at_once_nothing_is_found() -> None:
     ],
 )
 def test_one_hidden_effect(hidden: str, place: str, values: dict[str, float], tmp_path: Path) -> None:
-    result = diagnose(planar_set(tmp_path / "set", (hidden,), 7, groups=HELD_OUT), apply=True, guarded=False)
+    result = diagnose(planar_set(tmp_path / "set", (hidden,), 7, groups=HELD_OUT), apply=True, guard=False)
     (found,) = result.findings
     assert found.text == place and found.confidence > 0.9
     assert {name: p.value for name, p in found.parameters.items()} == pytest.approx(values, rel=0.02)

@@ -105,7 +105,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     def known(measurements: Any, **options: Any) -> Any:
         assert not options.keys() - {
             "apply",
-            "guarded",
+            "guard",
             "free_curve",
             "progress",
             "should_stop",

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -12,6 +15,8 @@ import pytest
 from flexviz import files
 from flexviz.app.uploads import UploadFolder
 from flexviz.files import PART, remove_leftovers, whole_folder, write_whole
+from flexviz.session import open_session, save_session
+from tests.small_session import small_session
 
 LONG_AGO = time.time() - 2 * files.ABANDONED
 
@@ -30,10 +35,9 @@ def test_leftovers_are_removed_by_age_and_lock(tmp_path: Path) -> None:
     os.utime(young)
     link = tmp_path / f"link{PART}"
     link.symlink_to(somebodys[1])
-    descriptor = os.open(locked, os.O_RDONLY)
-    assert files.lock(descriptor)
-    remove_leftovers(tmp_path)
-    os.close(descriptor)
+    with locked.open("r+b") as held:
+        assert files.lock(held.fileno())
+        remove_leftovers(tmp_path)
     assert not left.exists() and link.is_symlink()
     assert all(file.read_text() == "half" for file in (locked, young, *somebodys))
 
@@ -73,3 +77,20 @@ def test_a_write_in_progress_is_locked(tmp_path: Path) -> None:
         remove_leftovers(tmp_path, age=0.0)
         assert new.is_dir()
     assert [entry.name for entry in tmp_path.iterdir()] == ["set"]
+
+
+def test_a_session_is_saved_by_one_program_at_a_time(tmp_path: Path) -> None:
+    measurements, session = small_session(tmp_path / "small")
+    folder = save_session(session, measurements, tmp_path / "kept")
+    program = f"import filelock, sys\nwith filelock.FileLock({str(folder / files.LOCK)!r}):\n"
+    program += "    print('held', flush=True)\n    sys.stdin.read()"
+    command = [sys.executable, "-c", program]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        thread = threading.Thread(target=save_session, args=(session.with_note("x"), measurements, folder))
+        thread.start()
+        thread.join(0.3)
+        assert thread.is_alive()
+        other.communicate("")
+        thread.join(10)
+    assert [note.text for note in open_session(folder).session.notes][-1] == "x"

@@ -170,7 +170,7 @@ def test_what_a_few_usual_effects_explain_is_not_sought_elsewhere(tmp_path):
     result = diagnose(
         planar_set(tmp_path / "arm", hidden, 5, groups=HELD_OUT),
         apply=True,
-        guarded=False,
+        guard=False,
         progress=lambda news: told.append(news.text),
     )
     found = {(e.effect, e.joint): e.parameters["coulomb"].value for e in result.effects}

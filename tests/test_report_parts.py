@@ -121,7 +121,7 @@ def test_a_sets_report_and_the_same_again_from_its_session(
 ) -> None:
     asked = answering(monkeypatch, DIAGNOSIS)
     assert main(["report", "small", "--out", "a.html", "--session", "kept", "--guard"]) == 0
-    assert asked[0]["apply"] is True and asked[0]["guarded"] is True
+    assert asked[0]["apply"] is True and asked[0]["guard"] is True
     assert capsys.readouterr().out.startswith("a.html: ")
     answering(monkeypatch, None)
     for name in ("b.html", "b.md", "b.json"):
@@ -143,7 +143,7 @@ def test_a_session_gets_computed_only_what_it_does_not_hold(
     assert asked[0]["apply"] is False and asked[0]["effects"] == ("coulomb_friction", "torque_offset:joint1")
     answering(monkeypatch, None)
     looked: list[Any] = []
-    monkeypatch.setattr("flexviz.workflows.guarded", lambda *args: looked.append(args) or GUARD)
+    monkeypatch.setattr("flexviz.workflows.bandwidth_checked", lambda *args: looked.append(args) or GUARD)
     assert main(["report", "more", "--out", "b.md"]) == 0 and not looked
     assert "the option --guard" in (workplace / "b.md").read_text()
     assert main(["report", "more", "--out", "b.md", "--guard"]) == 0 and len(looked) == 1

@@ -162,7 +162,7 @@ def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
     from flexviz.resources import sessions_dir
     from flexviz.session.packing import Packer, Unpacker
 
-    found = diagnose(read_set(sessions_dir() / "planar-2r-demo"), apply=True, guarded=True)
+    found = diagnose(read_set(sessions_dir() / "planar-2r-demo"), apply=True, guard=True)
     packer = Packer(tmp_path)
     packed = packer.pack(found)
     again = Unpacker(tmp_path, packer.arrays, packer.shared).unpack(Diagnosis, packed)

@@ -99,7 +99,7 @@ def test_it_is_found_with_all_samples(moves: MeasurementSet, without: Measuremen
 
 
 def test_a_diagnosis_finds_it_first_after_coulomb_friction(moves: MeasurementSet) -> None:
-    result = diagnose(moves, apply=True, guarded=False)
+    result = diagnose(moves, apply=True, guard=False)
     first, second, *_ = (step.added for step in result.steps[1:])
     assert first is not None and first.text == "coulomb_friction:joint1"
     assert first.parameters["coulomb"].value == pytest.approx(4.0, rel=0.01)
@@ -111,7 +111,7 @@ def test_a_diagnosis_finds_it_first_after_coulomb_friction(moves: MeasurementSet
 @pytest.mark.slow
 def test_it_is_found_where_a_brake_holds_at_rest(tmp_path_factory: pytest.TempPathFactory) -> None:
     moves = simulated(tmp_path_factory, HIDDEN, (*HELD_OUT, "t3p3"))
-    result = diagnose(with_brakes(moves, 0), apply=True, guarded=False)
+    result = diagnose(with_brakes(moves, 0), apply=True, guard=False)
     assert "startup_friction:joint1" in [step.added.text for step in result.steps if step.added]
 
 

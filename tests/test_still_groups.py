@@ -50,7 +50,7 @@ def test_a_group_counts_where_any_joint_moves(
 
 
 def test_friction_is_found_although_the_held_out_robot_stands_still(demo: MeasurementSet) -> None:
-    result = diagnose(with_held_out(demo, (0, 1)), apply=True, guarded=False)
+    result = diagnose(with_held_out(demo, (0, 1)), apply=True, guard=False)
     added = [step.added for step in result.steps if step.added is not None]
     assert [(f.effect, f.joint) for f in added] == [("coulomb_friction", "joint2")]
     assert added[0].parameters["coulomb"].value == pytest.approx(3.0, rel=0.02)

@@ -102,7 +102,7 @@ def diagnose(
         result = search(
             measurements,
             apply=apply,
-            guarded=guard,
+            guard=guard,
             free_curve=free_curve,
             decoys=decoys,
             progress=report,
@@ -157,9 +157,7 @@ def record(
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
         settings = options.settings()
         measurements = read_selected(measurement_set, settings, report, stop)
-        done = record_analysis(
-            measurements, out, settings, add_missing=diagnose, progress=report, should_stop=stop
-        )
+        done = record_analysis(measurements, out, settings, apply=diagnose, progress=report, should_stop=stop)
     written = done.recorded
     state = "" if written.complete else ", stopped before everything was recorded"
     size = f"{written.bytes / 1e6:.1f} MB, {written.chunks} chunks"

@@ -20,6 +20,7 @@ from flexviz.designing.settings import DesignSettings, check_band, choose_payloa
 from flexviz.designing.subject import Planned, Subject, subject_of
 from flexviz.errors import Cancelled, InputError
 from flexviz.measurements import MeasurementSet
+from flexviz.names import names_of
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.simulation import Plan
 
@@ -86,9 +87,9 @@ class Design:
 def design(
     source: str | Path | Plan | MeasurementSet,
     *,
-    parameters: Iterable[str] = (),
+    parameters: str | Iterable[str] = (),
     separate: Sequence[str] = (),
-    effects: Iterable[str] = (),
+    effects: str | Iterable[str] = (),
     settings: DesignSettings | None = None,
     beside: bool | None = None,
     seed: int = 0,
@@ -127,13 +128,13 @@ def design(
     settings = settings or DesignSettings()
     check_band(settings, settings_file)
     with threadpool_limits(1, "blas"):
-        subject = subject_of(source, effects, separate, progress=progress, should_stop=should_stop)
+        subject = subject_of(source, names_of(effects), separate, progress=progress, should_stop=should_stop)
         limits = limits_of(subject.robot, settings.limits, settings_file)
         space = MotionSpace(
             subject.robot, settings, limits, choose_payloads(settings, subject.payloads, settings_file)
         )
         counted = bool(separate) if beside is None else beside
-        work = _Work(subject, space, tuple(parameters), counted, seed, progress, should_stop)
+        work = _Work(subject, space, names_of(parameters), counted, seed, progress, should_stop)
         found = work.run()
     return replace(found, seconds=time.perf_counter() - began)
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,30 +25,41 @@ from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.seen_limits import limit_findings
+from flexviz.diagnosis.settings import diagnosed_set
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
-from flexviz.identification import Estimate, link_side_checks, parameter_estimates
-from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, silent_joints
+from flexviz.identification import (
+    Estimate,
+    FitOptions,
+    FitSettings,
+    fit_settings,
+    link_side_checks,
+    parameter_estimates,
+)
+from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
-from flexviz.records import Decoys, DetectionLimit, Move, Note, Verdict
+from flexviz.records import CriterionNumbers, Decoys, DetectionLimit, Move, Note, Resolution, Verdict
 from flexviz.wording import SearchStage, listed
 
 Array = NDArray[np.float64]
 
 
 def diagnose(
-    measurements: MeasurementSet,
+    measurements: MeasurementSet | str | Path,
+    settings: FitSettings | None = None,
     *,
     apply: bool = False,
-    guarded: bool | None = None,
+    guard: bool | None = None,
     free_curve: bool | None = None,
     decoys: bool = False,
     survey: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
+    guarded: bool | None = None,
+    **options: Unpack[FitOptions],
 ) -> Diagnosis:
     """Determine whether the set's model is complete, and if not, what is missing.
 
@@ -54,10 +68,11 @@ def diagnose(
     units of the sensors' noise. What no effect explains is called unknown.
 
     Args:
-        measurements: the measurement set.
+        measurements: the measurement set, or its folder.
+        settings: groups and effects, of which `options` change some; None: those of the set.
         apply: whether the result describes the model with the effects that were found, step by step.
             Otherwise it describes the set's own model.
-        guarded: whether to check the parameters against the observer's bandwidth; default: only if the
+        guard: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": whether the final model has a free curve
             of what no effect explains. Default: only if the effects were estimated together with one.
@@ -66,32 +81,48 @@ def diagnose(
         survey: whether `progress` is told at the beginning what each effect alone would remove.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
+        guarded: the old name of `guard`.
+        options: fields of `FitSettings`.
+
+    Raises:
+        InputError: unknown names, or a setting that a diagnosis chooses itself: observer, bandwidth, gains,
+            refine, max_iterations.
     """
+    if guarded is not None:
+        warnings.warn("diagnose(guarded=…) is now diagnose(guard=…)", DeprecationWarning, stacklevel=2)
+        guard = guarded
+    measurements = diagnosed_set(set_of(measurements), fit_settings(settings, **options))
     measurements, notes = without_still_groups(measurements)
     notes += noise_notes(measurements)
     should_stop = should_stop or never
     with threadpool_limits(1, "blas"), stopped_by(should_stop), existing_objects_kept():
         course = Course(measurements, progress, should_stop, survey)
         course.view.decoys = course.fine.decoys = decoys
-        end = course.run()
-        with stopped_by(never):
-            end, found = course.concluded(end)
-            if end.curves and free_curve is False:
-                found = course.without_curves(found)
-            result = _Description(course, end, found, apply, guarded).result()
-        if apply and free_curve and not why_no_curve(result):
-            course.searching = True
-            try:
-                result = with_free_curve(measurements, result, course.say)
-            except Interrupted:
-                result = replace(result, stopped=True)
-            result = replace(result, seconds=time.perf_counter() - course.began)
-        if result.stopped and not result.findings and (best := course.news.so_far) is not None:
-            result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
+        result = _described(course, apply, guard, free_curve)
         if progress is not None and not result.stopped:
             progress(course.pace.done())
-        del course, end  # before what they leave is collected
+        del course  # before what it leaves is collected
     return replace(result, notes=(*result.notes, *notes))
+
+
+def _described(course: Course, apply: bool, guard: bool | None, free_curve: bool | None) -> Diagnosis:
+    """Run a search, and describe what it has found; arguments as of `diagnose`."""
+    end = course.run()
+    with stopped_by(never):
+        end, found = course.concluded(end)
+        if end.curves and free_curve is False:
+            found = course.without_curves(found)
+        result = _Description(course, end, found, apply, guard).result()
+    if apply and free_curve and not why_no_curve(result):
+        course.searching = True
+        try:
+            result = with_free_curve(course.measurements, result, course.say)
+        except Interrupted:
+            result = replace(result, stopped=True)
+        result = replace(result, seconds=time.perf_counter() - course.began)
+    if result.stopped and not result.findings and (best := course.news.so_far) is not None:
+        result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +133,14 @@ class _Description:
         course, end: the search, and where it ended.
         estimate: of the final model.
         apply: whether the result describes the model with what was found, or the set's own one.
-        guarded: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
+        guard: whether to check it against the observer's bandwidth; None: if the residual is puzzling.
     """
 
     course: Course
     end: SearchEnd
     estimate: Estimate
     apply: bool
-    guarded: bool | None
+    guard: bool | None
 
     def result(self) -> Diagnosis:
         """The result."""
@@ -147,7 +178,7 @@ class _Description:
             curve = fit_free_curve(context, fit if beside is None else beside.fit, where[0], parts)
             curve = None if end.curves and not curve.certain else curve
         puzzling = unknown and end.at_noise and end.changing is None and beside is None
-        if not course.stopped and (self.guarded or (self.guarded is None and puzzling)):
+        if not course.stopped and (self.guard or (self.guard is None and puzzling)):
             course.tell(SearchStage.BANDWIDTH)
             guard = check_bandwidth(course.measurements, layout, shown.x)
         told = () if beside is None else beside.notes(context, parts, fit)
@@ -169,7 +200,7 @@ class _Description:
             notes=(*self.notes_on_data(shown), *told, *more), model=layout.model(shown.x), maps=maps,
             free_curve=curve, guard=guard, torque_spread=course.measurements.torque_spread,
             trace=tuple(map(self.told, course.trace)),
-            decoys=self.counted_decoys() if course.view.decoys else None,
+            decoys=self.counted_decoys() if course.view.decoys else None, criterion=self.criterion(),
             link_side=link_side_checks(
                 course.measurements, shown.x[links].reshape(-1, 10),
                 shown.covariance.matrix[links, links], parameters[layout.compliance],
@@ -212,6 +243,14 @@ class _Description:
             yield Note("other", saturated_text(limits, self.course.own.joints))
         if (phase := self.course.view.context.first_phase).any():
             yield Note("standstill", standstill_text(self.course.own.joints, phase))
+
+    def criterion(self) -> CriterionNumbers:
+        """The numbers of J where the search ended."""
+        resolution: Resolution = "fine" if self.end.at_noise else "coarse"
+        found = (self.course.fine if self.end.at_noise else self.course.view).criterion
+        samples, least = (tuple(map(float, values)) for values in (found.samples, found.least))
+        joints, costs = self.course.own.joints, (found.of_parameter, found.of_effect)
+        return CriterionNumbers(resolution, joints, samples, least, *costs)
 
     def counted_decoys(self) -> Decoys:
         """How many decoys the final model has, and how many competed."""

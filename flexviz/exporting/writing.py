@@ -15,7 +15,8 @@ from flexviz.exporting.parameters import json_parameters, yaml_parameters
 from flexviz.exporting.tables import tables
 from flexviz.exporting.urdf import urdf
 from flexviz.files import named_errors, whole_folder
-from flexviz.measurements import check_free
+from flexviz.measurements import check_free, set_of
+from flexviz.names import names_of
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
@@ -93,24 +94,25 @@ def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str
 
 
 def export(
-    measurements: MeasurementSet,
+    measurements: MeasurementSet | str | Path,
     result: Identification | Diagnosis | ResultDocument,
     folder: str | Path,
-    formats: Sequence[str] = (),
+    formats: str | Sequence[str] = (),
     *,
     payload: str | None = None,
 ) -> Exported:
     """Write a result to a new or empty folder.
 
     Args:
-        measurements: the measurement set.
+        measurements: the measurement set, or its folder.
         result: its identification, its diagnosis (the final model), or a result read by `read_result`.
         folder: is written completely or not at all.
-        formats: some of `FORMATS`; all if none is named.
+        formats: one or some of `FORMATS`; all if none is named.
         payload: name of the payload that the robot carries.
 
     Raises:
         InputError: a format or the payload does not exist, the folder is not empty, the result is of
             another set, or a format cannot hold the model.
     """
-    return write(identified_robot(measurements, result, payload=payload), folder, formats)
+    robot = identified_robot(set_of(measurements), result, payload=payload)
+    return write(robot, folder, names_of(formats))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Unpack
 
 import numpy as np
@@ -17,7 +18,7 @@ from flexviz.errors import InputError
 from flexviz.identification.pipeline import identify
 from flexviz.identification.result import Identification
 from flexviz.identification.settings import FitOptions, fit_settings
-from flexviz.measurements import MeasurementSet
+from flexviz.measurements import MeasurementSet, set_of
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 
@@ -45,7 +46,7 @@ class SweepResult:
 
 
 def sweep(
-    measurements: MeasurementSet,
+    measurements: MeasurementSet | str | Path,
     observer: str,
     bandwidths: Sequence[float] | Array,
     /,
@@ -60,7 +61,7 @@ def sweep(
     where the residual is flat is an error of the observer.
 
     Args:
-        measurements: the set.
+        measurements: the set, or its folder.
         observer: its name.
         bandwidths: [rad/s], at least one; those too narrow for the records are left out.
         progress: called after each fit.
@@ -70,6 +71,7 @@ def sweep(
     Raises:
         InputError: when no bandwidth is wide enough for the records.
     """
+    measurements = set_of(measurements)
     settings = replace(fit_settings(None, **options), observer=observer, refine=False)
     rows = []
     n = len(measurements.joints)

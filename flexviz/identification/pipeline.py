@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Unpack
 
 import numpy as np
@@ -33,7 +34,7 @@ from flexviz.identification.settings import FitOptions, FitSettings, fit_setting
 from flexviz.identification.stated_error import stated_residual
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
-from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, silent_joints
+from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
 from flexviz.model import FlexibleModel
 from flexviz.motion import MotionFit, Phases
 from flexviz.noise import check_signals, segments_noise
@@ -46,7 +47,7 @@ STOPPED = "stopped; the values are those of the last step"
 
 
 def identify(
-    measurements: MeasurementSet,
+    measurements: MeasurementSet | str | Path,
     settings: FitSettings | None = None,
     *,
     progress: ProgressCallback | None = None,
@@ -61,7 +62,7 @@ def identify(
     instrumental variables remove the observer's bias. Intervals include what the model lacks.
 
     Args:
-        measurements: the set.
+        measurements: the set, or its folder.
         settings: how, of which `options` change some; None: the defaults.
         progress: called after each step.
         should_stop: asked after each step; what was found so far is returned.
@@ -72,7 +73,7 @@ def identify(
         InputError: unknown names, a validation group, nothing left to fit, or signals that are no motion
             of a robot.
     """
-    began = time.perf_counter()
+    began, measurements = time.perf_counter(), set_of(measurements)
     chosen = fit_settings(settings, **options)
     fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))

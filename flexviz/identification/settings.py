@@ -8,6 +8,7 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
+from flexviz.names import names_of
 from flexviz.observers import ButterworthZeroPhase, EsoGains, Observer, make_observer
 
 
@@ -16,9 +17,10 @@ class FitSettings:
     """How a set is identified.
 
     Attributes:
-        groups: names of the groups to fit; all but the validation groups where None.
+        groups: names of the groups to fit (one alone is a list of one); all but the validation groups where
+            None.
         effects: "name" (every joint), "name:joint", "name:payload" or "name:joint@group", in addition to
-            those of the set's model.
+            those of the set's model; one alone is a list of one.
         observer: one of `OBSERVERS`.
         bandwidth: [rad/s], one number or one per joint. None: the zero-phase Butterworth's is chosen by the
             data (least residual), the others have a fixed default.
@@ -40,10 +42,11 @@ class FitSettings:
     max_iterations: int = 60
 
     def __post_init__(self) -> None:
-        widths = self.bandwidth if np.ndim(self.bandwidth) else None  # type: ignore[arg-type]
-        for name, values in (("groups", self.groups), ("effects", self.effects), ("bandwidth", widths)):
-            if values is not None:  # any sequence will do
-                object.__setattr__(self, name, tuple(values))  # type: ignore[arg-type]
+        if np.ndim(self.bandwidth):  # type: ignore[arg-type]  # any sequence will do
+            object.__setattr__(self, "bandwidth", tuple(self.bandwidth))  # type: ignore[arg-type]
+        for name, names in (("groups", self.groups), ("effects", self.effects)):
+            if names is not None:
+                object.__setattr__(self, name, names_of(names))
         self.make_observer()
 
     @property
@@ -65,8 +68,8 @@ class FitSettings:
 class FitOptions(TypedDict, total=False):
     """The fields of `FitSettings` as keyword arguments, of which any sequences will do."""
 
-    groups: Iterable[str] | None
-    effects: Iterable[str]
+    groups: str | Iterable[str] | None
+    effects: str | Iterable[str]
     observer: str
     bandwidth: float | Sequence[float] | None
     gains: EsoGains | None

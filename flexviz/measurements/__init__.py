@@ -13,7 +13,7 @@ from flexviz.measurements.group_reading import read_payloads, read_robot
 from flexviz.measurements.holds import HoldGroup, Holds, find_holds
 from flexviz.measurements.measurement_set import MeasurementSet, fingerprint, require_unchanged
 from flexviz.measurements.overview import SetOverview, overview
-from flexviz.measurements.reading import read_set
+from flexviz.measurements.reading import read_set, set_of
 from flexviz.measurements.saturation import (
     SATURATED,
     SeenLimit,
@@ -81,6 +81,7 @@ __all__ = [
     "sample_motion",
     "saturated_text",
     "seen_limits",
+    "set_of",
     "silent_joints",
     "silent_torques",
     "write_set",

@@ -32,6 +32,7 @@ from flexviz.measurements.segments import Segmented
 from flexviz.measurements.set_document import SetProperties, set_document
 from flexviz.measurements.tables import Table
 from flexviz.mounting import GRAVITY, checked_gravity
+from flexviz.names import names_of
 from flexviz.robot import PayloadBody, Robot
 from flexviz.units import joint_units
 
@@ -106,8 +107,8 @@ class MeasurementSet:
         data: Any,
         *,
         name: str = "arrays",
-        joints: Sequence[str] | None = None,
-        validation: Collection[str] = (),
+        joints: str | Sequence[str] | None = None,
+        validation: str | Collection[str] = (),
         payloads: Mapping[str, Sequence[PayloadBody]] | None = None,
         carried: Mapping[str, str] | None = None,
         **properties: Unpack[SetProperties],
@@ -133,6 +134,7 @@ class MeasurementSet:
             InputError: naming run, row and column, for anything that a file would be refused for.
         """
         place = Path(name)
+        joints, validation = None if joints is None else names_of(joints), names_of(validation)
         gravity = checked_gravity(properties.get("gravity", GRAVITY), f"{name}, gravity")
         if not isinstance(robot, Robot):
             robot = read_robot(str(robot), joints, Path.cwd(), place, gravity)
@@ -205,13 +207,13 @@ class MeasurementSet:
             file=self.path,
         )
 
-    def select(self, names: Sequence[str] | None = None) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
+    def select(self, names: str | Sequence[str] | None = None) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
         """Groups to fit and groups to validate on.
 
         `names` are the groups to fit (None: all that are not for validation). A group marked as validation is
         always validated on, and asking to fit it is an error.
         """
-        fit = self.fit_groups if names is None else tuple(dict.fromkeys(self.group(name) for name in names))
+        fit = self.fit_groups if names is None else tuple(map(self.group, dict.fromkeys(names_of(names))))
         for group in fit:
             if group.validation:
                 valid = choose_from(group.name, [g.name for g in self.fit_groups])

@@ -43,6 +43,11 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
     return replace(read, path=folder, name=folder.name, simulated=simulated, files_read=files, holds=holds)
 
 
+def set_of(measurements: MeasurementSet | str | Path) -> MeasurementSet:
+    """The set, read if its folder is given."""
+    return measurements if isinstance(measurements, MeasurementSet) else read_set(measurements)
+
+
 def inside(folder: Path, name: str, file: Path, place: str) -> Path:
     """The file `name` in `folder`; InputError when it lies outside (also by a link) or does not exist."""
     try:

@@ -9,6 +9,7 @@ from typing import Any, TypedDict
 from flexviz.measurements.data import Array
 from flexviz.measurements.schema import FORMAT, TorqueSide
 from flexviz.mounting import GRAVITY
+from flexviz.names import names_of
 from flexviz.robot import PayloadBody
 
 
@@ -21,11 +22,11 @@ class SetProperties(TypedDict, total=False):
     initial_motor_inertia: Sequence[float] | Array | None  # (n,) [kg m²] at the joint side
     kp: Sequence[float] | Array | None  # (n,) [Nm/rad]
     kd: Sequence[float] | Array | None  # (n,) [Nm s/rad]
-    effects: Sequence[str]  # the model starts with, on every joint
+    effects: str | Sequence[str]  # the model starts with, on every joint
     date: dt.datetime | dt.date | None  # of the recording
     torque: TorqueSide | None  # what τ is; None: the data decide
-    rigid: Sequence[str]  # joints without elasticity
-    no_torque: Sequence[str]  # joints whose τ is no signal
+    rigid: str | Sequence[str]  # joints without elasticity
+    no_torque: str | Sequence[str]  # joints whose τ is no signal
 
 
 def set_document(
@@ -40,18 +41,18 @@ def set_document(
     initial_motor_inertia: Sequence[float] | Array | None = None,
     kp: Sequence[float] | Array | None = None,
     kd: Sequence[float] | Array | None = None,
-    effects: Sequence[str] = (),
+    effects: str | Sequence[str] = (),
     date: dt.datetime | dt.date | None = None,
     torque: TorqueSide | None = None,
-    rigid: Sequence[str] = (),
-    no_torque: Sequence[str] = (),
+    rigid: str | Sequence[str] = (),
+    no_torque: str | Sequence[str] = (),
 ) -> dict[str, Any]:
     """The document; `groups` are its entries, everything else is as in `SetProperties`."""
     optional = {
         "initial": numbers(stiffness=initial_stiffness, motor_inertia=initial_motor_inertia),
         "controller": numbers(kp=kp, kd=kd),
     }
-    some = {key: list(names) for key, names in (("rigid", rigid), ("no_torque", no_torque)) if names}
+    some = {key: [*names_of(names)] for key, names in (("rigid", rigid), ("no_torque", no_torque)) if names}
     return {
         "format": FORMAT,
         "robot": robot,
@@ -61,7 +62,7 @@ def set_document(
         **({} if torque is None else {"torque": torque}),
         **({} if date is None else {"date": date}),
         **{name: lists for name, lists in optional.items() if lists},
-        "model": {"effects": list(effects), **some},
+        "model": {"effects": [*names_of(effects)], **some},
         "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
         "groups": list(groups),
     }

@@ -1,5 +1,6 @@
 """Records of a result: parameters, errors, findings, models on the way, curves, notes."""
 
+from flexviz.records.criterion import CriterionNumbers, Resolution
 from flexviz.records.curves import CurveTable, FreeCurve, ResidualLocation, ResidualMap, curve_tables
 from flexviz.records.entries import (
     GainsEntry,
@@ -12,13 +13,23 @@ from flexviz.records.entries import (
 )
 from flexviz.records.findings import Absorbed, CandidateEffect, Family, FoundEffect, Tie
 from flexviz.records.notes import DetectionLimit, Grade, LimitReason, Note, NoteKind, Verdict
-from flexviz.records.parameters import Combination, EffectEntry, EffectParameter, ParameterEstimate
+from flexviz.records.parameters import (
+    NOT_DETERMINED,
+    Combination,
+    EffectEntry,
+    EffectParameter,
+    Interval,
+    ParameterEstimate,
+    is_determined,
+)
 from flexviz.records.trace import Decoys, Move
 
 __all__ = [
+    "NOT_DETERMINED",
     "Absorbed",
     "CandidateEffect",
     "Combination",
+    "CriterionNumbers",
     "CurveTable",
     "Decoys",
     "DetectionLimit",
@@ -30,6 +41,7 @@ __all__ = [
     "GainsEntry",
     "Grade",
     "GroupError",
+    "Interval",
     "LimitReason",
     "ModelEntry",
     "Move",
@@ -40,9 +52,11 @@ __all__ = [
     "ResidualLocation",
     "ResidualMap",
     "ResidualSummary",
+    "Resolution",
     "StepEntry",
     "Tie",
     "TorqueEntry",
     "Verdict",
     "curve_tables",
+    "is_determined",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass as plain_dataclass
 from typing import Annotated
 
 from pydantic import Field
@@ -10,6 +11,47 @@ from pydantic.dataclasses import dataclass
 
 from flexviz.fields import RECORD, Number, Real, is_none
 from flexviz.records.notes import Grade
+from flexviz.statistics import NORMAL_95
+
+NOT_DETERMINED = "not determined"
+
+
+def is_determined(grade: Grade | None, value: float, std: float | None) -> bool:
+    """Whether the data determine a value: not if it is graded "no", nor if its interval is wider.
+
+    A "yes" near zero is an answer: an offset known to be none.
+    """
+    narrow = std is None or math.isnan(std) or NORMAL_95 * std <= abs(value)
+    return grade == "yes" or (grade != "no" and narrow)
+
+
+@plain_dataclass(frozen=True)
+class Interval:
+    """The 95 % interval of a parameter; its text says what is not determined.
+
+    Attributes:
+        lower, upper: its ends, in `unit`; infinite where the data set no limit, NaN without an interval.
+        unit: SI.
+        determined: whether the data determine the value: its grade is not "no", and half of the interval is
+            no wider than the value, unless that is known to be near zero.
+    """
+
+    lower: float
+    upper: float
+    unit: str
+    determined: bool
+
+    def __contains__(self, value: float) -> bool:
+        return self.lower <= value <= self.upper
+
+    def __str__(self) -> str:
+        if math.isinf(self.upper) and math.isfinite(self.lower):
+            return f"{NOT_DETERMINED} (above {self.lower:.4g} {self.unit})"
+        if not self.determined:
+            return NOT_DETERMINED
+        if math.isnan(self.lower):
+            return "without an interval"
+        return f"{self.lower:.5g} … {self.upper:.5g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True, config=RECORD)
@@ -44,6 +86,18 @@ class ParameterEstimate:
 
     def __post_init__(self) -> None:
         _without_interval(self)
+
+    @property
+    def interval(self) -> Interval:
+        """The 95 % interval, value ± 1.96 std; of a stiffness that may be infinite from `rigid_above` on.
+
+        Ends are NaN where the standard error is not known, as for what the data do not determine.
+        """
+        known = is_determined(self.identifiable, self.value, self.std)
+        if self.rigid_above is not None:
+            return Interval(self.rigid_above, math.inf, self.unit, known)
+        half = NORMAL_95 * self.std if math.isfinite(self.std) else math.nan
+        return Interval(self.value - half, self.value + half, self.unit, known)
 
     @property
     def label(self) -> str:

@@ -13,6 +13,7 @@ from flexviz.fields import Number, Real, check_lengths, is_none
 from flexviz.records import (
     CandidateEffect,
     Combination,
+    CriterionNumbers,
     CurveTable,
     Decoys,
     DetectionLimit,
@@ -80,6 +81,7 @@ class DiagnosisFields(EveryResult):
         trace: the moves that the search tried, in order.
         decoys: candidates that cannot be right; None if none were tried.
         limit: down to what a last verdict of "nothing-missing" holds; None if unknown.
+        criterion: the numbers of the criterion by which models were compared; None in older results.
     """
 
     where: tuple[ResidualLocation, ...] = ()
@@ -88,6 +90,7 @@ class DiagnosisFields(EveryResult):
     trace: tuple[Move, ...] = ()
     decoys: Annotated[Decoys | None, Field(exclude_if=is_none)] = None
     limit: Annotated[DetectionLimit | None, Field(exclude_if=is_none)] = None
+    criterion: Annotated[CriterionNumbers | None, Field(exclude_if=is_none)] = None
 
 
 class ResultFields(BaseModel, FitFields, DiagnosisFields, frozen=True):

@@ -22,12 +22,12 @@ def parameter_frame(parameters: Iterable[ParameterEstimate]) -> DataFrame:
         MissingPackage: pandas is not installed.
     """
     require_package("pandas", "a table of pandas", "pandas")
-    import pandas  # pyright: ignore[reportMissingImports]
+    import pandas
 
     parameters = list(parameters)
     columns = {name: [getattr(one, name, None) for one in parameters] for name in COLUMNS}
     frame = pandas.DataFrame(columns)
-    half = NORMAL_95 * pandas.to_numeric(frame["std"])
+    half = NORMAL_95 * frame["std"].astype(float)
     frame.insert(6, "low", frame["value"] - half)
     frame.insert(7, "high", frame["value"] + half)
     return frame

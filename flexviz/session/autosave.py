@@ -144,7 +144,7 @@ class Autosave:
         folder = place / f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{os.getpid()}"
         while folder.exists() or _lock_of(folder).exists():
             folder = folder.with_name(folder.name + "a")
-        self._lock = os.open(_lock_of(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        self._lock = os.open(_lock_of(folder), os.O_RDWR | os.O_CREAT, 0o666)
         lock(self._lock)
         return folder
 
@@ -193,7 +193,7 @@ def _left_behind(place: Path) -> list[Path]:
 
 def _in_use(folder: Path) -> bool:
     try:
-        descriptor = os.open(_lock_of(folder), os.O_RDWR | os.O_CLOEXEC)
+        descriptor = os.open(_lock_of(folder), os.O_RDWR)
     except FileNotFoundError:
         return False
     try:

@@ -10,7 +10,6 @@ interrupted save leaves either the old session or the new one.
 
 from __future__ import annotations
 
-import fcntl
 import io
 import json
 import os
@@ -23,7 +22,15 @@ from pathlib import Path
 from flexviz import __version__
 from flexviz.effects import loaded_files
 from flexviz.errors import InputError
-from flexviz.files import copy_tree, named_errors, remove_leftovers, sha256_of, whole_folder, write_whole
+from flexviz.files import (
+    LOCK,
+    copy_tree,
+    named_errors,
+    remove_leftovers,
+    sha256_of,
+    whole_folder,
+    write_whole,
+)
 from flexviz.measurements import MeasurementSet
 from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE, SetReference, read_reference
 from flexviz.session.packing import FOLDER, Packer, named_numbers, remove_others, write_arrays
@@ -134,13 +141,11 @@ def _beside(file: Path, folder: Path) -> str:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Exclusive lock on a session folder."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    """Exclusive lock on a session folder: on a hidden file in it, which some systems keep."""
+    from filelock import FileLock
+
+    with FileLock(folder / LOCK):
         yield
-    finally:
-        os.close(descriptor)  # releases the lock
 
 
 def zipped(folder: Path) -> bytes:

@@ -21,6 +21,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.fields import Once, SetPath
 from flexviz.identification import FitOptions, FitSettings, Identification, fit_settings
 from flexviz.measurements import MeasurementSet
+from flexviz.names import names_of
 from flexviz.observers import EsoGains
 from flexviz.wording import tied_families
 
@@ -144,14 +145,14 @@ class Analysis(Settings):
         """A copy with other fields of `fit`."""
         return replace(self, fit=fit_settings(self.fit, **options))
 
-    def with_effects(self, effects: Iterable[str]) -> Analysis:
+    def with_effects(self, effects: str | Iterable[str]) -> Analysis:
         """A copy with more effects."""
-        new = tuple(name for name in effects if name not in self.effects)
+        new = tuple(name for name in names_of(effects) if name not in self.effects)
         return self.with_fit(effects=(*self.effects, *new))
 
-    def without_effects(self, effects: Iterable[str]) -> Analysis:
+    def without_effects(self, effects: str | Iterable[str]) -> Analysis:
         """A copy with fewer effects."""
-        gone = set(effects)
+        gone = set(names_of(effects))
         return self.with_fit(effects=[name for name in self.effects if name not in gone])
 
     def with_identification(self, result: Identification, settings: Settings) -> Analysis:

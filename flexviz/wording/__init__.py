@@ -30,7 +30,6 @@ from flexviz.wording.estimates import (
     estimate_mark,
     estimate_words,
     interval_words,
-    settled,
     told,
 )
 from flexviz.wording.findings import (

@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
-from flexviz.records import Combination, EffectParameter, ParameterEstimate
-from flexviz.statistics import NORMAL_95
+from flexviz.records import NOT_DETERMINED, Combination, EffectParameter, ParameterEstimate, is_determined
 from flexviz.wording.numbers import MARKS, interval, measured, number, quantity
 
-NOT_DETERMINED = "not determined"
 Estimate = ParameterEstimate | Combination | EffectParameter
 
 
-def settled(value: float, std: float | None) -> bool:
-    """Whether half of the 95 % interval is no wider than the value; also without an interval."""
-    return std is None or math.isnan(std) or NORMAL_95 * std <= abs(value)
-
-
 def determined(p: Estimate) -> bool:
-    """Whether a value is told: not if it is graded "no", nor if its interval is wider, unless graded "yes".
-
-    A "yes" near zero is an answer: an offset known to be none.
-    """
-    return p.identifiable == "yes" or (p.identifiable != "no" and settled(p.value, p.std))
+    """Whether a value is told; see `is_determined`."""
+    return is_determined(p.identifiable, p.value, p.std)
 
 
 def told(p: ParameterEstimate | Combination) -> bool:
