@@ -18,7 +18,7 @@ def settled(value: float, std: float | None) -> bool:
 
 
 def determined(p: Estimate) -> bool:
-    """Whether a value is told: not if it is graded "no", nor if its interval is wider, unless graded "yes".
+    """Whether a value is stated: not if it is graded "no", nor if its interval is wider, unless graded "yes".
 
     A "yes" near zero is an answer: an offset known to be none.
     """
