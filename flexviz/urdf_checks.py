@@ -57,7 +57,7 @@ NEEDED = {
 def check_urdf(root: Element, file: Path) -> tuple[str, ...]:
     """InputError for the first element of a description that cannot be meant.
 
-    An undeclared base link called "world" is added; notes tell it.
+    An undeclared base link called "world" is added; a note says so.
     """
     notes = _add_world(root)
     links, joints = root.findall("link"), root.findall("joint")

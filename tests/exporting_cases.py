@@ -42,10 +42,10 @@ def short_set(preset: str, folder: Path) -> MeasurementSet:
 def document(model: FlexibleModel, **more: Any) -> ResultDocument:
     """A model as a result, as if every value had been found."""
     known = {"std": 1e-3, "identifiable": "yes"}
-    values = [p | known for p in true_parameters(model, [False] * model.n)]
+    turning = [False] * model.n
+    values = [p | known for p in true_parameters(model, turning)]
     return ResultDocument.model_validate(
-        {"format": 1, "set": "made", "parameters": values, "effects": true_effects(model, [False] * model.n)}
-        | more
+        {"format": 1, "set": "made", "parameters": values, "effects": true_effects(model, turning)} | more
     )
 
 

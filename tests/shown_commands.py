@@ -60,3 +60,14 @@ def command(text: str) -> tuple[str, ...]:
     if text.partition(" ")[0] not in PROGRAMS:
         return ()
     return tuple(shlex.split(text))
+
+
+def outputs(page: Path) -> list[str]:
+    """Blocks of output: code without a language in which no line is a command, with at least two numbers."""
+    found = []
+    for token in MarkdownIt("commonmark").parse(page.read_text(encoding="utf-8")):
+        if token.type == "code_block" or (token.type, token.info) == ("fence", ""):
+            lines = token.content.splitlines()
+            if not any(map(command, lines)) and len(re.findall(r"\d", token.content)) > 1:
+                found.append(token.content)
+    return found

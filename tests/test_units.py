@@ -11,6 +11,7 @@ import pytest
 from flexviz import identify
 from flexviz.charts import Chart, ChartAxis
 from flexviz.cli import main
+from flexviz.diagnosis import maps_of
 from flexviz.effects import EFFECTS
 from flexviz.measurements import read_set
 from flexviz.recording.paths import TITLES, titled
@@ -74,7 +75,9 @@ def test_units_in_terminal_json_and_truth(lift: Path, capsys: pytest.CaptureFixt
 def test_units_in_the_report_and_in_exports(lift: Path, tmp_path: Path) -> None:
     measurements = read_set(lift)
     session = Session.of(measurements)
-    analysis = session.analysis.with_identification(identify(measurements, refine=False), None)
+    analysis = session.analysis.with_identification(
+        identify(measurements, refine=False), session.analysis.settings
+    )
     save_session(session.then("identified", analysis), measurements, tmp_path / "kept")
     assert main(["report", str(tmp_path / "kept"), "--out", str(tmp_path / "report.md")]) == 0
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
@@ -92,6 +95,14 @@ def test_units_in_the_report_and_in_exports(lift: Path, tmp_path: Path) -> None:
         assert note in words, file
     urdf = next(file for file in files if file.suffix == ".urdf").read_text(encoding="utf-8")
     assert " N/m " in urdf and " Nm/rad " in urdf
+
+
+def test_units_of_where_the_residual_is(lift: Path) -> None:
+    measurements = read_set(lift)
+    model = identify(measurements, refine=False).model
+    maps = {(one.joint, one.variable): one.unit for one in maps_of(measurements, model)}
+    assert maps["lift", "velocity"] == "m/s" and maps["lift", "load"] == "N" and maps["lift", "time"] == "s"
+    assert maps["arm", "velocity"] == "rad/s" and maps["arm", "load"] == "Nm"
 
 
 def test_units_of_the_set_and_of_effects(lift: Path) -> None:

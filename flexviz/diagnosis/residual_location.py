@@ -40,6 +40,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.parallel import shared
 from flexviz.records import ResidualLocation, ResidualMap
+from flexviz.units import joint_unit
 
 Array = NDArray[np.float64]
 
@@ -197,7 +198,8 @@ def locate_residual(context: FitContext, fit: Fit, check: Callable[[], None] = l
 
     def maps_of_joint(j: int) -> list[ResidualMap]:
         check()
-        return [*joint_maps(data, j), spectra[j]]
+        slides = j in fit.layout.sliding
+        return [replace(m, unit=joint_unit(m.unit, slides)) for m in (*joint_maps(data, j), spectra[j])]
 
     places: list[tuple[float, list[ResidualLocation]]] = []
     order = np.argsort(-chi).tolist()

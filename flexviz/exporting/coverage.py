@@ -212,7 +212,7 @@ COVERAGE = {
         LeftOut("MJCF has no friction that decays with time; this is the warm robot"),
     ),
     "temperature_friction": Coverage(
-        LeftOut("the code is not told the temperature; this is the robot at 20 °C"),
+        LeftOut("the code does not know the temperature; this is the robot at 20 °C"),
         LeftOut("MJCF has no friction that depends on temperature; this is the robot at 20 °C"),
     ),
     "presliding_hysteresis": Coverage(

@@ -1,4 +1,4 @@
-"""The error of a fit as it is told: in the band of all errors, so that fits with any observer compare."""
+"""The error of a fit as it is reported: in the band of all errors, so that fits with any observer compare."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def only_reversals(result: ResultFields) -> str:
 
 
 def _far(residual: ResidualSummary, rms: Sequence[float]) -> str:
-    """The largest error that is not that of the sensors, beside the noise; empty without one."""
+    """The largest error that is not that of the sensors, and the noise; empty without one."""
     errors = JointErrors(rms, residual.torque_spread, residual.noise_floor, residual.units)
     for j in errors.order:
         noise, share = residual.noise_floor[j], errors.shares[j] / 100

@@ -70,7 +70,7 @@ def joints_of(result: ResultFields) -> tuple[str, ...]:
 
 
 def added_lines(result: ResultFields) -> Iterator[str]:
-    """Effects of the last model that are not among the candidates: these stand beside the set's own model."""
+    """Effects of the last model that are not among the candidates: next to the set's own model."""
 
     def key(one: FoundEffect | EffectEntry) -> tuple[str | None, ...]:
         return one.effect, one.joint, one.group, one.payload

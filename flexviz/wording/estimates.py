@@ -9,7 +9,7 @@ Estimate = ParameterEstimate | Combination | EffectParameter
 
 
 def determined(p: Estimate) -> bool:
-    """Whether a value is told; see `is_determined`."""
+    """Whether a value is stated; see `is_determined`."""
     return is_determined(p.identifiable, p.value, p.std)
 
 

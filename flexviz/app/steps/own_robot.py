@@ -261,9 +261,9 @@ class OwnRobot:
         self._store.await_task(task, done, begin="importing" if opens else "checking", stopped=STOPPED)
 
     def _send(self, client: int) -> None:
-        """Send the mapping; the logs and the URDF belong beside it."""
+        """Send the mapping; the logs and the URDF belong into the same folder."""
         if self._own is not None:
             name = f"{Path(self._own.robot).stem}-{MAPPING_FILE}"
             text = mapping_text(self._own.draft, self._urdf.parent / name)
             self._page.send_file(client, name, text.encode())
-            self._store.say(f"{name} sent: put it beside the logs")
+            self._store.say(f"{name} sent: put it into the folder of the logs")

@@ -55,7 +55,7 @@ def staircase(content: ReportContent) -> Section | None:
 
 
 def _top(content: ReportContent, steps: Sequence[Step]) -> list[Figures]:
-    """The error step by step, beside a picture of the robot."""
+    """The error step by step, next to a picture of the robot."""
     group = content.shown_group
     picture = None if group is None else robot_picture(content, group)
     chart = _chart(content, steps) if len(steps) > 1 else None
