@@ -99,11 +99,12 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(purpose: str) -> Iterator[Path]:
-    """A temporary folder, removed at the end; if the process is killed, by a later one."""
+    """An empty temporary folder, removed at the end; if the process is killed, by a later one."""
     parent = Path(tempfile.gettempdir())
     remove_leftovers_once(parent)
     with _hidden_folder(f"flexviz-{purpose}-", parent) as folder:
-        yield folder
+        (folder / NEW).mkdir()
+        yield folder / NEW
 
 
 @contextmanager

@@ -68,20 +68,20 @@ class RecordedAnalysis:
 
 
 def write_report(
-    source: str | Path | OpenedSession,
+    source: str | Path | MeasurementSet | OpenedSession,
     out: str | Path,
     *,
     guard: bool | None = None,
-    keep: Path | None = None,
-    animation: Path | None = None,
-    require: Path | None = None,
+    keep: str | Path | None = None,
+    animation: str | Path | None = None,
+    require: str | Path | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> WrittenReport:
-    """Write a report: of a set after a full diagnosis, of a session from what is saved in it.
+    """Write a report: of a set after a full diagnosis, of a session from what is in it.
 
     Args:
-        source: folder of a set or a session, or an open session.
+        source: a set, also in memory, folder of a set or a session, or an open session.
         out: file to write: .html, .md or .json.
         guard: also check how results change with the observer bandwidth; None: only if the model does not
             reach the measurement noise.
@@ -94,13 +94,14 @@ def write_report(
         InputError: for a file of another kind, or a folder `keep` that is not empty.
     """
     out = Path(out)
+    keep, animation, require = (None if one is None else Path(one) for one in (keep, animation, require))
     kind = report_kind(out)
     if keep is not None and keep.exists() and (not keep.is_dir() or any(keep.iterdir())):
         raise InputError("exists and is not empty, expected a new folder", file=keep)
     opened = source if isinstance(source, OpenedSession) else open_session(source)
     limits = None if require is None else read_limits(require, opened.measurements.joints)
-    saved = is_session(opened.folder)
-    if saved:
+    saved, present = is_session(opened.folder) and opened.measurements.in_files, opened.session.analysis
+    if saved or present.diagnosis is not None or present.identification is not None:
         session = _completed(opened, guard, progress, should_stop)
     else:
         callbacks = {"progress": progress, "should_stop": should_stop}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,13 +27,13 @@ from flexviz.measurements import (
     read_payloads,
     read_robot,
     read_set,
+    robot_files,
     sample_motion,
     write_set,
     wrong_time_unit,
 )
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
-from flexviz.robot import PayloadBody, Robot, is_library_robot
-from flexviz.robot_files import mesh_names, resolve_mesh
+from flexviz.robot import PayloadBody, Robot
 
 FORMAT = 1  # of the report as JSON
 BEHIND_GEAR = (
@@ -265,38 +264,6 @@ def write_groups(
         table_format=table_format,
     )
     return notes
-
-
-def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[str]]:
-    """The set's name for its robot, the files it needs for that, and notes on missing meshes.
-
-    A URDF goes into the set as robot.urdf, its meshes beside it into meshes/.
-    """
-    if is_library_robot(robot.source):
-        return robot.source, {}, []
-    text = robot.urdf_path.read_text(encoding="utf-8-sig")
-    files: dict[str, str | bytes | Path] = {}
-    missing: list[str] = []
-    renamed: dict[str, str] = {}
-    for name in mesh_names(text):
-        try:
-            found = resolve_mesh(name, robot.urdf_path)
-        except InputError as error:
-            missing.append(error.message)
-            continue
-        inside = f"meshes/{found.name}"
-        if inside in files:
-            inside = f"meshes/{len(files)}_{found.name}"
-        files[inside] = found
-        renamed[name] = inside
-    if renamed:
-        root = ElementTree.fromstring(text)
-        for mesh in root.iter("mesh"):
-            mesh.set("filename", renamed.get(mesh.get("filename", ""), mesh.get("filename", "")))
-        text = ElementTree.tostring(root, encoding="unicode")
-    notes = [f"{missing[0]}: the robot can be identified but not drawn"] if missing else []
-    notes = [f"{len(missing)} meshes are missing, {notes[0]}"] if len(missing) > 1 else notes
-    return "robot.urdf", {"robot.urdf": text, **files}, notes
 
 
 def read_back(new: Path, target: Path) -> MeasurementSet:

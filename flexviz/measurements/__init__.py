@@ -10,10 +10,17 @@ from flexviz.measurements.data import (
     Segment,
 )
 from flexviz.measurements.group_reading import read_payloads, read_robot
+from flexviz.measurements.group_table import GroupTable
 from flexviz.measurements.holds import HoldGroup, Holds, find_holds
-from flexviz.measurements.measurement_set import MeasurementSet, fingerprint, require_unchanged
+from flexviz.measurements.measurement_set import (
+    MeasurementSet,
+    fingerprint,
+    require_unchanged,
+    same_recording,
+)
 from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_set, set_of
+from flexviz.measurements.robot_in_set import robot_files
 from flexviz.measurements.saturation import (
     SATURATED,
     SeenLimit,
@@ -34,7 +41,7 @@ from flexviz.measurements.segments import POINTS, interpolate, pieces
 from flexviz.measurements.tables import readable, row_name
 from flexviz.measurements.torque_signals import TorqueRun, no_torque_text, silent_joints, silent_torques
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
-from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
+from flexviz.measurements.writing import SUFFIXES, check_free, write_set
 
 __all__ = [
     "FILE_NAME",
@@ -77,7 +84,9 @@ __all__ = [
     "read_set",
     "readable",
     "require_unchanged",
+    "robot_files",
     "row_name",
+    "same_recording",
     "sample_motion",
     "saturated_text",
     "seen_limits",

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements.array_tables import array_tables
-from flexviz.measurements.data import Array, Fingerprint, Group, present_fingerprint
+from flexviz.measurements.data import Array, Fingerprint, Group, Segment, present_fingerprint
 from flexviz.measurements.group_reading import (
     check_signals,
     clock_warnings,
@@ -27,7 +28,7 @@ from flexviz.measurements.group_reading import (
 )
 from flexviz.measurements.holds import HoldGroup
 from flexviz.measurements.saturation import SeenLimit, seen_limits
-from flexviz.measurements.schema import MeasurementFile, TorqueSide, parse
+from flexviz.measurements.schema import FILE_NAME, MeasurementFile, TorqueSide, parse
 from flexviz.measurements.segments import Segmented
 from flexviz.measurements.set_document import SetProperties, set_document
 from flexviz.measurements.tables import Table
@@ -37,6 +38,8 @@ from flexviz.robot import PayloadBody, Robot
 from flexviz.units import joint_units
 
 NOTHING = "none"  # name of the payload of a group that carries nothing
+
+NO_SAMPLES = Segment(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
 
 log = logging.getLogger("flexviz.measurements")
 
@@ -161,6 +164,13 @@ class MeasurementSet:
         return replace(read, files_read=Fingerprint(tuple(table.hash for table in tables.values())))
 
     @property
+    def in_files(self) -> bool:
+        """Whether it was read from a folder; otherwise it was made of arrays, and `path` is only a name."""
+        if self.files_read is None:
+            return (self.path / FILE_NAME).is_file()
+        return any(file.name == FILE_NAME for file in self.files_read.files)
+
+    @property
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
@@ -237,6 +247,17 @@ def fingerprint(measurements: MeasurementSet) -> Fingerprint:
     if measurements.files_read is not None:
         return measurements.files_read
     return present_fingerprint(measurements.path, measurements.robot, _tables(measurements))
+
+
+def same_recording(one: MeasurementSet, other: MeasurementSet) -> bool:
+    """Whether two sets have the same joints, groups and samples, wherever they come from."""
+    if one.joints != other.joints or [g.name for g in one.groups] != [g.name for g in other.groups]:
+        return False
+    segments = ([segment for group in each.groups for segment in group.segments] for each in (one, other))
+    return all(
+        a.theta.shape == b.theta.shape and np.allclose(a.theta, b.theta) and np.allclose(a.tau, b.tau)
+        for a, b in zip_longest(*segments, fillvalue=NO_SAMPLES)
+    )
 
 
 def _tables(measurements: MeasurementSet) -> list[Path]:

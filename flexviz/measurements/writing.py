@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -14,10 +13,13 @@ import numpy as np
 from flexviz import toml
 from flexviz.errors import InputError
 from flexviz.files import named_errors, whole_folder
-from flexviz.measurements import tables
-from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group
-from flexviz.measurements.schema import FILE_NAME, Clamped, GroupKind, parse
+from flexviz.measurements.data import OPTIONAL_SIGNALS
+from flexviz.measurements.group_table import GroupTable
+from flexviz.measurements.measurement_set import MeasurementSet
+from flexviz.measurements.schema import FILE_NAME, parse
+from flexviz.measurements.set_contents import contents_of
 from flexviz.measurements.set_document import SetProperties, numbers, set_document
+from flexviz.names import names_of
 from flexviz.robot import PayloadBody
 from flexviz.schemas import first_repeated
 
@@ -27,45 +29,14 @@ if TYPE_CHECKING:
 SUFFIXES = {"parquet": ".parquet", "csv": ".csv"}
 
 
-@dataclass(frozen=True, eq=False)
-class GroupTable:
-    """One group to write: N samples of n joints; a column that is all NaN is left out."""
-
-    name: str
-    trajectory: str
-    payload: str
-    time: Array  # (N,) [s]
-    theta: Array  # (N, n) [rad], and so on
-    tau: Array  # [Nm]
-    q: Array | None = None  # [rad]
-    tau_joint: Array | None = None  # [Nm]
-    theta_ref: Array | None = None  # [rad]
-    validation: bool = False
-    temperature: Sequence[float] | Array | None = None  # (n,) or (1,) [°C]
-    file: str | None = None  # name of its table; None: `<name>.parquet` or `.csv`
-    kind: GroupKind = "motion"
-    clamped: Clamped = False  # of a static test
-
-    @staticmethod
-    def of(group: Group) -> GroupTable:
-        """A group that was read, with the signals that are used (jitter resampled)."""
-        signals: dict[str, Any] = {name: group.joined(name) for name in ("time", "theta", "tau")}
-        if len(group.segments) == 1 and len(signals["time"]) == len(group.time):
-            signals["time"] = group.time  # as recorded: no rounding is added
-        signals |= {name: group.at(name, signals["time"]) for name in OPTIONAL_SIGNALS}
-        names = group.name, group.trajectory, group.payload
-        signals |= {"validation": group.validation, "temperature": group.temperature}
-        file = group.file.name if group.file.suffix.lower() in tables.SUFFIXES else None  # None: of arrays
-        return GroupTable(*names, file=file, **signals)
-
-
 def write_set(
     folder: str | Path,
+    measurements: MeasurementSet | None = None,
     *,
-    robot: str,
-    joints: Sequence[str],
-    groups: Sequence[GroupTable],
-    payloads: Mapping[str, Sequence[PayloadBody]],
+    robot: str | None = None,
+    joints: str | Sequence[str] | None = None,
+    groups: Sequence[GroupTable] | None = None,
+    payloads: Mapping[str, Sequence[PayloadBody]] | None = None,
     files: Mapping[str, str | bytes | Path] | None = None,
     table_format: str = "parquet",
     single: bool = False,
@@ -77,18 +48,39 @@ def write_set(
     Everything is written to a temporary folder, which then takes the place of `folder`: all or nothing.
 
     Args:
+        measurements: a set in memory, also one of arrays: robot, joints, groups, payloads and properties are
+            its own. Signals of an uneven clock are written as they were resampled, static tests are copied.
         robot: as in the format; a URDF's path is relative to `folder`, and the URDF is one of `files`.
         files: further files of the set: name -> text, bytes, or the path of a file to copy.
         table_format, single: "parquet" or "csv"; store the signals (never the time) as float32.
         overwrite: replace an existing set, never any other folder or file.
         properties: as in the format: see `SetProperties`.
+
+    Raises:
+        InputError: for what could not be read back, a folder in use, a static test whose table has changed,
+            or a set together with parts of one.
     """
     folder = Path(os.path.abspath(folder))  # without ".."
     check_free(folder, overwrite)
+    own = {"robot": robot, "joints": joints, "groups": groups, "payloads": payloads, **properties}
+    given = [name for name, value in own.items() if value is not None]
+    if measurements is not None:
+        if given:
+            raise InputError(f"found a set and {', '.join(given)}, expected those of the set alone")
+        parts = contents_of(measurements)
+        robot, joints, groups, payloads = (
+            parts.robot,
+            measurements.joints,
+            parts.groups,
+            measurements.payloads,
+        )
+        properties, files = parts.properties, {**parts.files, **(files or {})}
+    if robot is None or joints is None or groups is None or payloads is None:
+        raise InputError("expected a measurement set, or robot, joints, groups and payloads")
     if table_format not in SUFFIXES:
         raise InputError(f'table format "{table_format}" is not known, expected csv or parquet')
     entries = [group_entry(group, table_format) for group in groups]
-    document = set_document(robot, joints, payloads, entries, **properties)
+    document = set_document(robot, names_of(joints), payloads, entries, **properties)
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
     with named_errors(folder), whole_folder(folder) as new:
         fill_folder(new, document, groups, files or {}, single)
@@ -124,7 +116,11 @@ def fill_folder(
         else:
             path.write_bytes(content if isinstance(content, bytes) else content.encode())
     for group, entry in zip(groups, document["groups"], strict=True):
-        write_table(within(new, entry["file"]), table_of(group, document["joints"], single))
+        path = within(new, entry["file"])
+        if group.recorded is not None:
+            shutil.copyfile(group.recorded, path)
+        else:
+            write_table(path, table_of(group, document["joints"], single))
     (new / FILE_NAME).write_text(toml.dumps(document), encoding="utf-8")
 
 
@@ -166,7 +162,7 @@ def write_table(path: Path, table: pa.Table) -> None:
     import pyarrow.csv as pacsv
     import pyarrow.parquet as papq
 
-    if path.suffix == ".csv":
+    if path.suffix.lower() == ".csv":
         exact = pa.table({name: table[name].cast(pa.float64()) for name in table.column_names})
         pacsv.write_csv(exact, path, pacsv.WriteOptions(quoting_style="none"))
     else:

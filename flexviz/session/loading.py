@@ -12,7 +12,7 @@ from flexviz.diagnosis import Diagnosis
 from flexviz.effects import EFFECTS, choose_effects
 from flexviz.errors import InputError
 from flexviz.identification import Identification
-from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
+from flexviz.measurements import FILE_NAME, MeasurementSet, read_set, set_of
 from flexviz.session.document import (
     OLD_ARRAYS,
     SESSION_FILE,
@@ -48,12 +48,18 @@ class OpenedSession:
     version: str = ""
 
     @staticmethod
-    def open(path: str | Path) -> OpenedSession:
+    def open(source: str | Path | MeasurementSet) -> OpenedSession:
         """Open a saved session or start one on a measurement set; see `open_session`."""
-        return open_session(path)
+        return open_session(source)
 
     def save(self, folder: str | Path | None = None, *, carry: bool = False) -> Path:
-        """Save the session, by default to its own folder; see `save_session`."""
+        """Save the session, by default to its own folder; see `save_session`.
+
+        Raises:
+            InputError: also without a folder for a set in memory, which has none.
+        """
+        if folder is None and not (self.measurements.in_files or is_session(self.folder)):
+            raise InputError(f'the set "{self.measurements.name}" is in memory, expected a folder')
         return save_session(self.session, self.measurements, Path(folder or self.folder), carry=carry)
 
 
@@ -62,16 +68,16 @@ def is_session(path: Path) -> bool:
     return (path / SESSION_FILE).is_file() or (path.name == SESSION_FILE and path.is_file())
 
 
-def open_session(path: str | Path) -> OpenedSession:
-    """Open a session folder (or its session.json), or start a session on a measurement set.
+def open_session(source: str | Path | MeasurementSet) -> OpenedSession:
+    """Open a session folder (or its session.json), or start a session on a measurement set, also in memory.
 
     Raises:
         InputError: naming the file, for anything that is wrong.
     """
-    if not is_session(Path(path)):
-        measurements = read_set(path)
+    if isinstance(source, MeasurementSet) or not is_session(Path(source)):
+        measurements = set_of(source)
         return OpenedSession(measurements.path, measurements, Session.of(measurements))
-    folder = _folder_of(path)
+    folder = _folder_of(source)
     return open_with(folder, read_measurements(folder))
 
 

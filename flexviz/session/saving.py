@@ -17,6 +17,7 @@ import shutil
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from flexviz import __version__
@@ -31,7 +32,7 @@ from flexviz.files import (
     whole_folder,
     write_whole,
 )
-from flexviz.measurements import MeasurementSet
+from flexviz.measurements import FILE_NAME, MeasurementSet, read_set, same_recording, write_set
 from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE, SetReference, read_reference
 from flexviz.session.packing import FOLDER, Packer, named_numbers, remove_others, write_arrays
 from flexviz.session.state import Session, now
@@ -54,9 +55,10 @@ def save_session(
 
     It must be new or empty, or a session folder of the same set, which is overwritten: but not what another
     program has saved there meanwhile (`SessionChanged`). With `carry` the measurement set is copied into a
-    new folder instead of being referred to.
+    new folder instead of being referred to; a set in memory is always written there.
     """
-    renewed = (folder / SESSION_FILE).is_file() or folder.resolve() == measurements.path.resolve()
+    own = measurements.in_files and folder.resolve() == measurements.path.resolve()
+    renewed = (folder / SESSION_FILE).is_file() or own
     if not renewed and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError("exists and is not empty, expected a new folder", file=folder)
     with named_errors(folder, "saved"):
@@ -68,7 +70,9 @@ def save_session(
                 remember(folder, stamp_of(folder))
             return folder
         with whole_folder(folder) as new:
-            if carry:
+            if not measurements.in_files:
+                write_set(new, measurements)
+            elif carry:
                 copy_tree(measurements.path, new, LEFT_OUT)
             _write(session, measurements, new, folder)
     remember(folder, stamp_of(folder))
@@ -102,13 +106,21 @@ def _same_set(folder: Path, measurements: MeasurementSet) -> None:
         place = reference.locate(folder)
     except InputError:
         return  # an unreadable session may be overwritten
+    if not measurements.in_files:
+        if not same_recording(read_set(place, logged=False), measurements):
+            raise InputError("holds a session of other data, expected a new folder", file=folder)
+        return
     if place.resolve() != measurements.path.resolve() and reference.name != measurements.name:
         raise InputError(f'holds a session of another measurement set, "{reference.name}"', file=folder)
 
 
 def _write(session: Session, measurements: MeasurementSet, folder: Path, final: Path) -> None:
     """Write to `folder`, which will be renamed to `final`."""
-    carried = (folder / "measurements.toml").is_file()
+    carried = (folder / FILE_NAME).is_file()
+    referred = measurements
+    if not measurements.in_files:  # its files are those that were written
+        place = folder if carried else read_reference(folder).locate(folder)
+        referred = replace(read_set(place, logged=False), name=measurements.name)
     packer = Packer(measurements.path)
     content = packer.pack(session)
     arrays = [write_arrays(folder, part) for part in packer.parts()]
@@ -118,7 +130,7 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
         "format": FORMAT,
         "flexviz": __version__,
         "saved": now(),
-        "set": SetReference.of(measurements, final, carried).to_json(),
+        "set": SetReference.of(referred, final, carried).to_json(),
         "effects_from": own_effects,  # opening a session never loads them
         **content,
         "recordings": [_beside(file, final) for file in session.recordings],

@@ -26,6 +26,7 @@ from flexviz.session import Analysis
 from flexviz.wording import number, plural, temperature_text
 
 LIBRARIES = ("numpy", "scipy", "pin", "pyarrow")
+IN_MEMORY = "in memory, of arrays"
 USED = {"fit": "fit", "validate": "validate", "ignore": "not used"}
 
 
@@ -69,7 +70,7 @@ def _settings(content: ReportContent) -> ReportTable:
     analysis, measurements, robot = content.analysis, content.measurements, content.measurements.robot
     versions = [f"{name} {_version(name)}" for name in LIBRARIES]
     rows = [
-        ["measurement set", str(measurements.path)],
+        ["measurement set", str(measurements.path) if measurements.in_files else IN_MEMORY],
         ["robot", f"{robot.name} ({robot.source}), {plural(measurements.n, 'joint')}"],
         ["mounting", mounting_text(robot.gravity) or "upright"],
         ["effects of the set", ", ".join(measurements.effects) or "none"],
@@ -103,6 +104,9 @@ def _again(content: ReportContent) -> list[Block]:
         blocks.append(Paragraph("This report from the saved results, without recomputing them:"))
         folder = shlex.quote(str(content.folder))
         blocks.append(Listing(f"flexviz report {folder} --out report.html", "sh"))
+    if not content.measurements.in_files:
+        again = "Everything from the data, in Python; measurements is the set in memory:"
+        return [*blocks, Paragraph(again), Listing(program(content), "python")]
     if content.diagnosis is not None and _uses_defaults(content):
         flags = [f"--effects-from {shlex.quote(str(file))}" for file in loaded_files()]
         flags += ["--guard"] if content.diagnosis.guard is not None else []
@@ -131,8 +135,9 @@ def program(content: ReportContent) -> str:
         "from flexviz.session import with_roles",
         "",
         *(f"flexviz.load_effects({str(file)!r})" for file in loaded_files()),
-        f"measurements = flexviz.read_set({str(content.measurements.path)!r})",
     ]
+    if content.measurements.in_files:
+        lines.append(f"measurements = flexviz.read_set({str(content.measurements.path)!r})")
     if analysis.roles != Analysis.start(content.measurements).roles:
         lines.append(f"measurements = with_roles(measurements, {dict(analysis.roles)!r})")
     effects = list(analysis.effects)
