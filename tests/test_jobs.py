@@ -19,7 +19,7 @@ import pytest
 from flexviz.app.events import EventQueue, TaskRunner
 from flexviz.errors import Cancelled, FlexvizError, InputError
 from flexviz.jobs import InThread, JobEvent, Task, Worker
-from flexviz.parallel import shared, usable_cores
+from flexviz.parallel import ALONE_SECONDS, shared, usable_cores
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 PATIENCE = 300.0  # [s] for anything; a test that waits so long has failed
@@ -101,12 +101,14 @@ class ShareForEver(Task[None]):
     folder: Path
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
-        def piece(_: int) -> None:
+        def piece(number: int) -> None:
+            if number == 0:  # done by one, which finds that there is enough to do for two
+                return time.sleep(2 * ALONE_SECONDS)
             (self.folder / str(os.getpid())).touch()
             progress(Progress("x" * 1_000_000))  # a copy is silent, or it would mix with others
             time.sleep(600)
 
-        shared(piece, range(2))
+        shared(piece, range(3))
 
 
 def placed(task: Task[Any], in_process: bool) -> Task[Any]:

@@ -72,7 +72,7 @@ class Row:
 
 def compare(result: Identification, model: FlexibleModel) -> list[Row]:
     """Every identified quantity that the motion can show, with its truth."""
-    true = {f"{p['name']}:{p['joint']}": float(p["value"]) for p in true_parameters(model)}
+    true = {f"{p['name']}:{p['joint']}": float(p["value"]) for p in true_parameters(model, [False] * model.n)}
     rows = [
         Row(
             "inertial",

@@ -123,7 +123,7 @@ class StepEntry:
     groups: tuple[GroupError, ...] = ()
     noise_floor: tuple[Number, ...] = ()
     verdict: Verdict = Field(kw_only=True)
-    units: tuple[str, ...] = Field((), kw_only=True, exclude_if=operator.not_)
+    units: tuple[str, ...] = Field(default=(), kw_only=True, exclude_if=operator.not_)
 
 
 @dataclass(frozen=True, config=RECORD)
