@@ -121,9 +121,10 @@ class Robot:
                 raise InputError(f'joint "{joint}" is given twice, expected once', file=path)
         if not chosen:
             raise InputError("the robot has no moving joint", file=path)
-        if len(chosen) > MAX_JOINTS:
-            message = f"{len(chosen)} moving joints, expected at most {MAX_JOINTS}"
-            raise InputError(message, file=path, place="joints")
+        if (count := len(chosen)) > MAX_JOINTS:
+            raise InputError(
+                f"{count} moving joints, expected at most {MAX_JOINTS}", file=path, place="joints"
+            )
         locked = [i for i in range(1, full.njoints) if full.names[i] not in chosen]
         pose = pin.neutral(full)
         for joint in (joint for joint in mimics if joint in movable):

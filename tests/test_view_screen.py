@@ -89,6 +89,7 @@ class Residual:
     noise_floor: Any = ()
     torque_spread: Any = ()
     groups: Any = ()
+    units: Any = ()
 
 
 @dataclass
