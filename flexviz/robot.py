@@ -142,17 +142,9 @@ class Robot:
         positions = model.lowerPositionLimit, model.upperPositionLimit
         limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, effort_limit(model)))
         return Robot(
-            described.name,
-            str(source),
-            path,
-            chosen,
-            model,
-            order,
-            described.text,
-            *limits,
-            mimics=followers,
-            notes=(*described.notes, *notes),
-        )
+            described.name, str(source), path, chosen, model, order, described.text, *limits,
+            mimics=followers, notes=(*described.notes, *notes),
+        )  # fmt: skip
 
     @cached_property
     def gravity(self) -> tuple[float, float, float]:
