@@ -16,6 +16,8 @@ import time
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from flexviz.facts import Fact
+
 __version__ = "0.1.0"
 STARTED = time.monotonic()  # [s]
 
@@ -127,6 +129,13 @@ def __getattr__(name: str) -> Any:
         globals()[name] = value
         return value
     raise AttributeError(f"module 'flexviz' has no attribute {name!r}")
+
+
+def _in_words(fact: Fact) -> str:
+    return import_module("flexviz.wording").fact_text(fact)
+
+
+Fact.words = _in_words  # facts know no words, which stand above them
 
 
 def __dir__() -> list[str]:

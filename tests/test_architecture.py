@@ -28,6 +28,7 @@ LAYERS = (
     (
         "arrays",
         "errors",
+        "facts",
         "fields",
         "units",
         "iteration",

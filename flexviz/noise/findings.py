@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from flexviz.arrays import Array, Bools, Indices
+from flexviz.facts import Remedy
 
 Kind = Literal[
     "messages",  # two kinds of message on one topic, of which one jumps
@@ -23,15 +24,6 @@ Kind = Literal[
     "contact",  # a torque from outside for a while
     "filtered",  # a log that was low-passed before it was written
 ]
-
-
-@dataclass(frozen=True)
-class Remedy:
-    """A key of an import's mapping that mends a finding: of a signal, of a log, or of the whole mapping."""
-
-    key: str
-    value: float | bool | tuple[tuple[float, float], ...]
-    of: Literal["signal", "log", "mapping"] = "signal"
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from flexviz.wording.estimates import (
     interval_words,
     told,
 )
+from flexviz.wording.facts import fact_text, says
 from flexviz.wording.findings import (
     ALONG,
     FAMILY_TITLES,
