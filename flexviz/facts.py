@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 Severity = Literal["wrong", "odd", "note"]
 """Of what must be mended, of what looks unusual, and of what is only to be known."""
+
+Scalar = str | bool | int | float | None
+if TYPE_CHECKING:
+    Value = Any  # the sentence of a kind knows which value is which
+else:
+    Value = Scalar | tuple[Scalar, ...] | tuple[tuple[Scalar, ...], ...]  # what a session keeps
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,7 @@ class Remedy:
     """
 
     key: str
-    value: Any
+    value: Value
     of: Literal["set", "signal", "log", "mapping"] = "signal"
 
 
@@ -47,7 +53,7 @@ class Fact:
     groups: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     rows: tuple[int, int] | None = None
-    values: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    values: Mapping[str, Value] = field(default_factory=dict, hash=False)
     remedy: Remedy | None = None
 
     words: ClassVar[Callable[[Fact], str]] = repr

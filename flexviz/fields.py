@@ -22,9 +22,12 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     SerializationInfo,
+    TypeAdapter,
     ValidationInfo,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from flexviz.facts import Fact
 
 
 def named(value: float) -> float | dict[str, str]:
@@ -107,6 +110,30 @@ class InSession:
         return core_schema.with_info_after_validator_function(read, handler(source), serialization=written)
 
 
+class InWords:
+    """A fact, in a document its sentence; a text where a document or an older session was read."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(value: Any, check: Callable[[Any], Any], info: ValidationInfo) -> Any:
+            if isinstance(value, Fact):
+                return value
+            return FACT.validate_python(value) if info.context and isinstance(value, dict) else check(value)
+
+        def write(value: Fact | str, info: SerializationInfo) -> Any:
+            if isinstance(value, Fact) and info.context is not None:
+                return FACT.dump_python(value, mode="json")
+            return str(value)
+
+        written = core_schema.plain_serializer_function_ser_schema(write, info_arg=True)
+        text = core_schema.str_schema()
+        return core_schema.with_info_wrap_validator_function(read, text, serialization=written)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(schema["schema"])  # of the text
+
+
+FACT = TypeAdapter(Fact, config=ConfigDict(defer_build=True))
+Said = Annotated[Fact | str, InWords()]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Nullable = Annotated[Number | None, BeforeValidator(nullable)]
 Real = Annotated[float, InJson(Number | None)]

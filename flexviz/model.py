@@ -15,6 +15,7 @@ INERTIAL_UNITS = {
     "ixx": "kg m²", "ixy": "kg m²", "iyy": "kg m²", "ixz": "kg m²", "iyz": "kg m²", "izz": "kg m²",
 }  # fmt: skip
 """Name of an inertial parameter -> its unit, in the order of a row of `FlexibleModel.inertial`."""
+INERTIAL_NAMES = tuple(INERTIAL_UNITS)
 
 JOINT_UNITS = {
     "stiffness": "Nm/rad", "motor_inertia": "kg m²",

@@ -11,7 +11,9 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from flexviz.facts import Fact
 
 if TYPE_CHECKING:
     from flexviz.iteration import Iteration
@@ -26,26 +28,24 @@ class BestSoFar:
     """The best model of a search that goes on: no verdict, it is still to be checked.
 
     Attributes:
-        model: what it adds, "Coulomb friction on joint2"; empty for a model without additions.
-        error: "validation error 25 % → 0.6 % of the torque (31 mNm)".
+        joints: all joints of the robot.
+        values: "added", the effects that it adds as on the command line; "held_out", whether its errors are
+            those of held-out groups; "rms" and "spread" of the torque, shape (n,), with their "units", and
+            "before", the rms without additions.
     """
 
-    model: str
-    error: str
+    joints: tuple[str, ...]
+    values: Mapping[str, Any]
 
     @property
-    def running(self) -> str:
+    def running(self) -> Fact:
         """For whoever waits."""
-        return (
-            f"so far: {self.model} (being checked): {self.error}" if self.model else f"so far: {self.error}"
-        )
+        return Fact("best-so-far", joints=self.joints, values=self.values)
 
     @property
-    def stopped(self) -> str:
+    def stopped(self) -> Fact:
         """For whoever has stopped the search."""
-        if not self.model:
-            return f"stopped before any candidate was tried; {self.error}"
-        return f"best so far, not confirmed: {self.model}: {self.error}"
+        return Fact("stopped-at-best", joints=self.joints, values=self.values)
 
 
 @dataclass(frozen=True)
@@ -124,30 +124,32 @@ class Pace:
     the start bounds the whole. Before the first such stage nothing is expected. The share never falls.
 
     Args:
-        known: text of a stage → share that is done when it begins, at least and at most, and at most when it
-            ends. Other texts are news within a stage.
+        known: a stage → share that is done when it begins, at least and at most, and at most when it ends.
+            Everything else is news within a stage.
         clock: the time [s].
     """
 
     def __init__(
-        self, known: Mapping[str, tuple[float, float, float]], clock: Callable[[], float] = time.monotonic
+        self,
+        known: Mapping[Fact | str, tuple[float, float, float]],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._known, self._clock, self._began = known, clock, clock()
         self._whole, self._end, self._share = (0.0, math.inf), 1.0, 0.0  # whole: bounds [s]
 
-    def news(self, text: str) -> Progress:
+    def news(self, what: Fact | str) -> Progress:
         """What is being done from now on."""
         elapsed = self._clock() - self._began
-        if text in self._known:
-            least, most, self._end = self._known[text]
+        if what in self._known:
+            least, most, self._end = self._known[what]
             low, high = max(self._whole[0], elapsed / most), min(self._whole[1], elapsed / least)
             self._whole = (low, high) if low < high else (elapsed / most, elapsed / least)
         low = max(self._whole[0], elapsed / self._end)
         high = max(self._whole[1], low)
         if not 0.0 < high < math.inf:
-            return Progress(text, self._share)
+            return Progress(str(what), self._share)
         self._share = max(self._share, min(elapsed / math.sqrt(low * high), 1.0))
-        return Progress(text, self._share, rest=(low - elapsed, high - elapsed))
+        return Progress(str(what), self._share, rest=(low - elapsed, high - elapsed))
 
     def done(self) -> Progress:
         """The end, with the time it took."""

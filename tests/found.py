@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, Diagnosis, Evidence, Finding, ParameterCurve, Step
+from flexviz.facts import Fact
 from flexviz.model import FlexibleModel
 from flexviz.records import (
     Absorbed,
@@ -18,7 +19,6 @@ from flexviz.records import (
     Grade,
     GroupError,
     Move,
-    Note,
     ParameterEstimate,
     ResidualLocation,
     ResidualMap,
@@ -121,7 +121,7 @@ CURVE = FreeCurve(
     "joint2", "velocity", "rad/s", ("",), np.linspace(-1, 1, 81), np.tanh(np.linspace(-3, 3, 81))[None],
     np.full((1, 81), 0.05), 0.4, 0.03, 1.0,
 )  # fmt: skip
-NOTE = Note("unexplained", "what stays unexplained (Nm): joint2 0.03 (2 times the noise)")
+NOTE = Fact("unexplained", values={"text": "what stays unexplained (Nm): joint2 0.03 (2 times the noise)"})
 BANDWIDTHS = np.array([26.0, 48.0, 88.0])
 GUARD = BandwidthCheck(
     BANDWIDTHS, 2, JOINTS, np.full((3, 2), 0.01), np.array([0.01, 0.02]),

@@ -153,7 +153,10 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
     result, (_, last) = app.store.analysis.identification, app.store.analysis.model_steps
     assert result is not None and last.step.model is not None and app.store.analysis.up_to_date
     # the diagnosis's own values, not fitted again
-    assert np.allclose(result.model.stiffness, last.step.model.stiffness) and "as given" in result.message
+    assert (
+        np.allclose(result.model.stiffness, last.step.model.stiffness)
+        and result.facts[0].kind == "values-given"
+    )
     assert result.model.effects == last.step.model.effects
     assert last.step.rms_validation is not None
     assert last.step.rms == diagnosed_demo.steps[-1].rms  # on one core, to the last digit

@@ -13,7 +13,6 @@ from flexviz.identification.failure import Unrest, unexplained, unrest_by_residu
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.records import ParameterEstimate, ResidualSummary
 from flexviz.resources import sessions_dir
-from flexviz.wording import percent
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +32,10 @@ def strange() -> MeasurementSet:
 def test_the_joint_whose_torque_is_another_motions_is_named(strange: MeasurementSet) -> None:
     result = identify(strange, refine=True)
     assert not result.converged
-    assert "joint2 cannot be fitted, because its motor inertia ended at the bound" in result.message
-    assert "joint1 cannot be fitted" not in result.message
+    (fact,) = [fact for fact in result.facts if fact.kind == "joint-not-fitted"]
+    assert fact.joints == ("joint2",) and "motor_inertia" in fact.values["at_bound"]
     share = result.residual.rms[1] / result.residual.torque_spread[1]
-    assert share > 1 and f"its error is {percent(share)} of its torque" in result.message
+    assert share > 1 and fact.values["share"] == pytest.approx(share)
 
 
 def test_a_converged_fit_that_explains_nothing_of_a_joint_says_so() -> None:
@@ -52,7 +51,7 @@ def test_a_converged_fit_that_explains_nothing_of_a_joint_says_so() -> None:
 def test_a_plain_fit_that_runs_out_of_steps_says_what_still_moves() -> None:
     measurements = read_set(sessions_dir() / "planar-2r-demo")
     result = identify(measurements, max_iterations=1, refine=False, bandwidth=30.0)
-    assert not result.converged and " cannot be fitted, because " in result.message
+    assert not result.converged and result.facts[1].kind == "joint-not-fitted"
     assert "nan" not in result.message
 
 
@@ -70,13 +69,16 @@ def test_reasons() -> None:
         estimate("mass", "b", "no"),  # single inertial parameters seldom are determined
     ]
     both = unrest_by_residual(np.array([4.0, 6.0, 0.5]))
-    assert why_not(both, layout, parameters, residual) == (
+    b, a = why_not(both, layout, parameters, residual)
+    assert (b.joints, b.values["at_bound"], b.values["share"]) == (("b",), ("stiffness",), 0.3)
+    assert (a.joints, a.values["undetermined"], a.values["share"]) == (("a",), ("stiffness",), None)
+    assert f"{b}; {a}" == (
         "b cannot be fitted, because its stiffness ended at the bound of what is possible and its error is "
         "30 % of its torque; a cannot be fitted, because the data do not determine its stiffness"
     )
     moving = np.zeros(layout.size)
     moving[layout.motor_viscous.start + 2] = 3.0
-    text = why_not(Unrest(np.array([0.1, 0.2, 0.7]), moving), layout, parameters, residual)
-    assert text == "c cannot be fitted, because its motor viscous friction still moves"
+    (c,) = why_not(Unrest(np.array([0.1, 0.2, 0.7]), moving), layout, parameters, residual)
+    assert c.joints == ("c",) and c.values["moves"] == "motor_viscous_friction"
     unknown = replace(residual, torque_spread=())
-    assert "error" not in why_not(both, layout, parameters, unknown)
+    assert all(fact.values["share"] is None for fact in why_not(both, layout, parameters, unknown))

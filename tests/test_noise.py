@@ -12,11 +12,11 @@ import pytest
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.pipeline import _Description
 from flexviz.errors import InputError
+from flexviz.facts import Fact
 from flexviz.identification import identify
 from flexviz.identification.pipeline import _with_noise_share
 from flexviz.measurements import MeasurementSet, Segment
 from flexviz.noise import check_signals, column_findings, noise_notes, resolution, segments_noise, white_noise
-from flexviz.records import Note
 from flexviz.results import assessment
 from flexviz.wording import verdict_text
 
@@ -263,7 +263,7 @@ def test_a_torque_that_is_nothing_but_noise_is_said(demo: MeasurementSet, spoil:
     measurements = spoilt(demo, spoil)
     assert check_signals(measurements)[1] == 1.0
     (note,) = noise_notes(measurements)
-    assert note.kind == "noise" and "100 % of the torque of joint2" in note.text
+    assert (note.kind, note.joints, note.values["shares"]) == ("noise", ("joint2",), (1.0,))
     result = identify(measurements, refine=False)
     assert result.residual.noise_share[1] == 1.0
     text = assessment(result.document())
@@ -288,7 +288,7 @@ def test_nothing_is_concluded_where_the_noise_exceeds_the_torque(diagnosed_demo:
     ):
         stair = SimpleNamespace(errors=SimpleNamespace(noise_floor=floors))
         assert description.drowned(stair) == drowned  # type: ignore[arg-type]
-    note = Note("drowned", "the estimated noise is larger than the torque of joint1, so nothing can be told")
+    note = Fact("drowned", "wrong", joints=("joint1",))
     shown = replace(diagnosed_demo, verdict="unknown", findings=(), notes=(note,))
     assert verdict_text(shown) == f"Unknown: {note.text}."
 

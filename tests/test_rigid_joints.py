@@ -13,6 +13,7 @@ from benchmarks.rigid_joints import make_case, rigid_outcome, spoilt, torque_out
 from flexviz import identify, read_set
 from flexviz.equation import Equation, build_signals, layout_of
 from flexviz.errors import InputError
+from flexviz.facts import Remedy
 from flexviz.importing.mapping import Issue
 from flexviz.importing.proposals import Proposal, proposed
 from flexviz.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
@@ -97,8 +98,9 @@ def test_a_torque_that_is_no_signal_is_found_and_told(arm: MeasurementSet, chann
     without = spoilt(arm, 1, channel, np.random.default_rng(0))
     assert list(silent_joints(without)) == ["joint2"]
     assert silent_joints(arm) == {}
-    said = identify(without, max_iterations=3, refine=False).message
-    assert 'no_torque = ["joint2"] in [model]' in said
+    facts = identify(without, max_iterations=3, refine=False).facts
+    (silent,) = [fact for fact in facts if fact.kind == "no-torque"]
+    assert silent.remedy == Remedy("model.no_torque", ("joint2",), "set")
 
 
 def test_a_joint_at_rest_needs_no_torque(arm: MeasurementSet) -> None:

@@ -15,11 +15,12 @@ from flexviz.diagnosis import maps_of
 from flexviz.effects import EFFECTS
 from flexviz.measurements import read_set
 from flexviz.recording.paths import TITLES, titled
+from flexviz.records import JointErrors
 from flexviz.scene import RobotMotion
 from flexviz.session import Session, save_session
 from flexviz.units import joint_unit, sliding_note, unit_of_all
 from flexviz.view import joints_html
-from flexviz.wording import JointErrors
+from flexviz.wording import error_whole
 from tests.small_set import LINK
 from tests.test_import_prismatic import LIFT
 
@@ -127,8 +128,9 @@ def test_one_function_of_the_joints_kind() -> None:
 
 def test_errors_of_mixed_joints() -> None:
     mixed = JointErrors((3.0, 0.4), (6.0, 4.0), (0.1, 0.01), ("N", "Nm"))
-    assert mixed.whole(0) == "50.0 % of the torque (3.00 N)" and mixed.whole(1).endswith("(0.400 Nm)")
-    assert mixed.whole() == "30.0 % of the torque (3.00 N and 0.400 Nm)"
+    assert error_whole(mixed, 0) == "50.0 % of the torque (3.00 N)"
+    assert error_whole(mixed, 1).endswith("(0.400 Nm)")
+    assert error_whole(mixed) == "30.0 % of the torque (3.00 N and 0.400 Nm)"
     assert JointErrors((3.0, 4.0), (), (), ("N", "N")).unit == "N"
 
 

@@ -21,6 +21,7 @@ from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, chart
 from flexviz.charts.chart import MAX_POINTS, TIME, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
+from flexviz.records import JointErrors
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.view import BeforeAfter, shape_charts
 from flexviz.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
@@ -31,7 +32,7 @@ from flexviz.view.time_charts import (
     states_charts,
     stretch,
 )
-from flexviz.wording import JointErrors, number
+from flexviz.wording import number
 from tests.small_set import write_small_set
 
 

@@ -12,25 +12,38 @@ from pydantic import ValidationError
 
 from flexviz.diagnosis import Step
 from flexviz.effects import EFFECT_FAMILIES, EFFECTS
-from flexviz.records import Absorbed, Decoys, DetectionLimit, EffectParameter, LimitReason, Move, Note
+from flexviz.records import (
+    PERCENT,
+    Absorbed,
+    Decoys,
+    DetectionLimit,
+    EffectParameter,
+    JointErrors,
+    LimitReason,
+    Move,
+    Note,
+    mean_nrms,
+    stated_errors,
+    step_shares,
+)
 from flexviz.results import ResultDocument, parts
 from flexviz.wording import (
     FAMILY_TITLES,
-    PERCENT,
-    JointErrors,
     decoys_text,
+    error_hover,
+    error_in_other,
+    error_short,
+    error_text,
+    error_whole,
     explained,
     family_title,
     joints_text,
     kinds_text,
     left_text,
-    mean_nrms,
     merged_findings,
     merged_texts,
     moved,
     span_text,
-    stated_errors,
-    step_shares,
     text_names,
     text_runs,
     told_moves,
@@ -46,19 +59,20 @@ JOINTS = ("joint1", "joint2")
 def test_an_error_is_in_per_cent_of_the_torque_and_in_nm_beside_the_noise() -> None:
     errors = JointErrors((0.3, 0.4), (3.0, 1.0), (0.1, 0.01))
     assert errors.unit == PERCENT and errors.values == pytest.approx([10.0, 40.0]) and errors.order == [1, 0]
-    assert errors.whole() == "25.0 % of the torque (0.354 Nm)"
-    assert errors.whole(0) == "10.0 % of the torque (0.300 Nm)"
-    assert (errors.short(), errors.short(1)) == ("25.0 %", "40.0 %")
+    assert error_whole(errors) == "25.0 % of the torque (0.354 Nm)"
+    assert error_whole(errors, 0) == "10.0 % of the torque (0.300 Nm)"
+    assert (error_short(errors), error_short(errors, 1)) == ("25.0 %", "40.0 %")
     assert errors.mark is not None and errors.mark.values == pytest.approx([10 / 3, 1.0])
-    assert errors.hover(1) == "0.400 Nm; noise: 1.00 %, 10.0 mNm"
-    assert errors.other(1, PERCENT) == "0.400 Nm" and errors.other(1, "Nm") == "40.0 % of the torque"
+    assert error_hover(errors, 1) == "0.400 Nm; noise: 1.00 %, 10.0 mNm"
+    assert error_in_other(errors, 1, PERCENT) == "0.400 Nm"
+    assert error_in_other(errors, 1, "Nm") == "40.0 % of the torque"
     # the torque of a joint that is held still has no spread; a noise of zero is none
-    assert JointErrors((0.3,), (0.0,), (0.0,)).hover(0) == "0.300 Nm"
+    assert error_hover(JointErrors((0.3,), (0.0,), (0.0,)), 0) == "0.300 Nm"
     assert JointErrors((0.3, 0.4)).mark is None
     step: Any = SimpleNamespace(rms=(0.3,), rms_validation=(0.2,), noise_floor=(0.1,), units=())
-    assert stated_errors(step, (2.0,)).text() == "10.0 % of the torque"
+    assert error_text(stated_errors(step, (2.0,))) == "10.0 % of the torque"
     step.rms_validation = (math.nan,)
-    assert stated_errors(step, (2.0,)).text() == "15.0 % of the torque"
+    assert error_text(stated_errors(step, (2.0,))) == "15.0 % of the torque"
 
 
 def test_the_noise_of_a_model_changes_no_error() -> None:
@@ -70,7 +84,10 @@ def test_the_noise_of_a_model_changes_no_error() -> None:
 
 
 def test_an_error_is_told_in_other_units_where_the_torque_is_unknown() -> None:
-    assert JointErrors((0.3, 0.4)).whole() == "0.354 Nm" and JointErrors((0.03,)).text(0) == "30.0 mNm"
+    assert (
+        error_whole(JointErrors((0.3, 0.4))) == "0.354 Nm"
+        and error_text(JointErrors((0.03,)), 0) == "30.0 mNm"
+    )
     assert mean_nrms((0.3, 0.4), (0.0, 1.0)) == 0.4  # a constant torque has no share
     assert [explained(e) for e in (0.2, 0.078, 1e-4, 1.7, math.nan)] == [
         "96 %", "99.4 %", "> 99.999 %", "0 %", "–",

@@ -13,8 +13,8 @@ from flexviz.equation import Layout, layout_of
 from flexviz.estimation import ErrorBand, torque_scale
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet
+from flexviz.records import JointErrors, stated_errors
 from flexviz.results import staircase_chart
-from flexviz.wording import JointErrors, stated_errors
 
 
 @dataclass(frozen=True, eq=False)

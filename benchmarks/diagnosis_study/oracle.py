@@ -13,10 +13,10 @@ import numpy as np
 from benchmarks.running import Json
 from flexviz.diagnosis import Fit, FitContext
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import INERTIAL_NAMES, Equation, Layout, build_signals
+from flexviz.equation import Equation, Layout, build_signals
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue, FlexibleModel
+from flexviz.model import INERTIAL_NAMES, EffectValue, FlexibleModel
 from flexviz.observers import FlatZeroPhase
 
 QUICK, LONG = 12, 30  # iterations of a fit: at first, and where the gain may be about the limit

@@ -9,10 +9,10 @@ import numpy as np
 
 from benchmarks.peers.problem import COULOMB
 from benchmarks.real import held_out_share
-from flexviz.equation import INERTIAL_NAMES, LinkDynamics
+from flexviz.equation import LinkDynamics
 from flexviz.estimation.base_inertials import base_parameters
 from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue, FlexibleModel
+from flexviz.model import INERTIAL_NAMES, EffectValue, FlexibleModel
 from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
 

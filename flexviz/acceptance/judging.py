@@ -9,10 +9,10 @@ from typing import Any
 
 from flexviz.acceptance.limits import AcceptanceLimits
 from flexviz.errors import InputError
-from flexviz.records import ParameterEstimate
+from flexviz.records import PERCENT, TORQUE, JointErrors, ParameterEstimate
 from flexviz.results import ResultDocument
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import PERCENT, TORQUE, JointErrors, number, plain_name
+from flexviz.wording import error_in_other, number, plain_name
 
 NO_HELD_OUT = "no group is held out"
 
@@ -144,7 +144,7 @@ def _held_out(
         figure = values[index] if known else None
         remark = "" if known else NO_HELD_OUT if errors is None else "not known"
         passed = figure is not None and figure <= limit
-        also = "" if errors is None or figure is None else errors.other(index, unit)
+        also = "" if errors is None or figure is None else error_in_other(errors, index, unit)
         if unit == TORQUE and errors is not None and errors.units:
             unit = errors.units[index]
         yield AcceptanceLine("held-out error", joint, None, figure, limit, unit, passed, remark, also)

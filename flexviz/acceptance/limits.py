@@ -10,9 +10,9 @@ from pydantic import Field
 from flexviz import toml
 from flexviz.effects import EFFECTS
 from flexviz.errors import InputError, choose_from
+from flexviz.model import INERTIAL_NAMES
 from flexviz.records import Verdict
 from flexviz.schemas import Positive, StrictTable, validate
-from flexviz.wording import INERTIAL
 
 FORMAT = 1
 OF_JOINTS = (
@@ -89,4 +89,4 @@ def read_limits(file: Path, joints: Sequence[str]) -> AcceptanceLimits:
 def parameter_names() -> list[str]:
     """Names of all parameters that a joint can have."""
     effects = [f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters]
-    return [*OF_JOINTS, *INERTIAL, *effects]
+    return [*OF_JOINTS, *INERTIAL_NAMES, *effects]

@@ -23,8 +23,8 @@ from flexviz.charts import PICTURE, Chart, chart_name, charts_zip, draw_svg
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.observers import EsoGains
+from flexviz.records import stated_errors
 from flexviz.session import runs, standing
-from flexviz.wording import stated_errors
 
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider

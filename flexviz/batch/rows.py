@@ -14,17 +14,10 @@ from pydantic import ValidationError
 from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
 from flexviz.effects import free_curve
-from flexviz.records import ParameterEstimate
+from flexviz.model import INERTIAL_NAMES
+from flexviz.records import ParameterEstimate, mean_nrms, total_rms
 from flexviz.results import ResultDocument
-from flexviz.wording import (
-    INERTIAL,
-    confidence_of,
-    mean_nrms,
-    percent,
-    quantity,
-    tied_families,
-    total_rms,
-)
+from flexviz.wording import confidence_of, percent, quantity, tied_families
 
 DONE, FAILED, WAITING = "done", "failed", "not done"
 
@@ -148,7 +141,9 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         converged=identified.converged,
         seconds=result.seconds,
         parameters={
-            p.label: p for p in final.all_parameters if p.name not in INERTIAL and free_curve(p.name) is None
+            p.label: p
+            for p in final.all_parameters
+            if p.name not in INERTIAL_NAMES and free_curve(p.name) is None
         },
         families=tuple(families.get(one.text, "") for one in added),
     )

@@ -16,9 +16,10 @@ from flexviz.files import temporary_folder
 from flexviz.identification import FitSettings, identify
 from flexviz.limits import read_json
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
+from flexviz.model import INERTIAL_NAMES
+from flexviz.records import mean_nrms
 from flexviz.simulation import Plan, Run, make_plan, move, record, simulate_plan, write_plan
 from flexviz.view import truth_values
-from flexviz.wording import INERTIAL, mean_nrms
 
 MARGIN = 1.0  # [s] beside a block of a bootstrap, for the ends that an observer needs
 NOTHING = "none"
@@ -56,7 +57,7 @@ def _outcome(measurements: MeasurementSet, what: Json) -> Json:
         parameters = document.all_parameters
         out |= {"verdict": document.verdict, "final_verdict": document.final_verdict}
         out["found"] = [step.added.text for step in document.steps if step.added is not None]
-    known = (p for p in parameters if p.name not in INERTIAL)
+    known = (p for p in parameters if p.name not in INERTIAL_NAMES)
     out["parameters"] = {
         p.label: [p.value, p.std if math.isfinite(p.std) else None, p.unit, p.identifiable] for p in known
     }
@@ -69,7 +70,8 @@ def _simulated(what: Json, where: Json, folder: Path) -> tuple[MeasurementSet, d
     noisy = simulate_plan(plan, seed) if plan.sensors.feedback else record(plan, runs, seed)
     write_plan(plan, noisy, folder, seed)
     truth = truth_values(read_json(folder / "truth.json"))
-    known = {":".join(filter(None, key)): value for key, value in truth.items() if key[0] not in INERTIAL}
+    joined = {key: ":".join(filter(None, key)) for key in truth if key[0] not in INERTIAL_NAMES}
+    known = {name: truth[key] for key, name in joined.items()}
     return read_set(folder, logged=False), known
 
 

@@ -137,7 +137,7 @@ def write_draft(result: Diagnosis, file: Path) -> None:
     write_file(file, draft.content)
     name = draft.name.removesuffix(".py")
     terminal.note(
-        f"{file}: {draft.form.text}; to fit it: --effect {name}:{draft.joint} --effects-from {file}"
+        f"{file}: {draft.form.fact}; to fit it: --effect {name}:{draft.joint} --effects-from {file}"
     )
 
 

@@ -147,8 +147,9 @@ def source(one: SessionSummary) -> str:
 
 def errors(found: SessionComparison) -> Table:
     """Fitted and held-out error of each joint, one column per session."""
+    from flexviz.records import JointErrors
     from flexviz.results import plain_table
-    from flexviz.wording import JointErrors
+    from flexviz.wording import error_whole
 
     joints = list(dict.fromkeys(joint for s in found.sessions for joint in s.joints))
     table = plain_table("error, % of the torque", numbers=[s.name for s in found.sessions])
@@ -160,7 +161,7 @@ def errors(found: SessionComparison) -> Table:
                 values = getattr(s, key)
                 known = joint in s.joints and len(values) == len(s.joints)
                 errors = JointErrors(values, s.torque_spread, (), s.torque_units)
-                told = errors.whole(s.joints.index(joint)) if known else "–"
+                told = error_whole(errors, s.joints.index(joint)) if known else "–"
                 cells.append(told.replace(" of the torque", ""))
             table.add_row(f"{joint}, {label}", *cells)
     return table
@@ -168,13 +169,14 @@ def errors(found: SessionComparison) -> Table:
 
 def parameters(found: SessionComparison, every: bool) -> Table:
     """Parameters with 95 % intervals, one column per session, and the difference of first and last."""
+    from flexviz.model import INERTIAL_NAMES
     from flexviz.results import in_ascii, plain_table
-    from flexviz.wording import INERTIAL, interval_words
+    from flexviz.wording import interval_words
 
     names = [s.name for s in found.sessions]
     table = plain_table("parameter", "joint", numbers=[*names, "difference / std"], end=["unit"])
     for row in found.rows:
-        if row.name in INERTIAL and not every:
+        if row.name in INERTIAL_NAMES and not every:
             continue
         cells = ["–" if e is None else interval_words(e) for e in row.estimates]
         table.add_row(row.name, row.place, *map(in_ascii, cells), far(row), row.unit)

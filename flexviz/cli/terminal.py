@@ -149,7 +149,7 @@ class Reporter:
         stage, detail, solver = news.text, "", news.iteration
         if news.so_far is not None and news.so_far != self._so_far:
             self._so_far = news.so_far
-            (self._bar.console.print if self._bar is not None else note)(news.so_far.running)
+            (self._bar.console.print if self._bar is not None else note)(news.so_far.running.text)
         if solver is not None:
             step = f"  step {solver.step:.2g}" if math.isfinite(solver.step) else ""
             detail = f"iteration {solver.number}  cost {solver.cost:.6g}{step}"

@@ -116,7 +116,8 @@ def described(file: Path) -> Recording | None:
 
 def errors(result: dict[str, Any]) -> str:
     """The errors of a result per joint."""
-    from flexviz.wording import JointErrors
+    from flexviz.records import JointErrors
+    from flexviz.wording import error_whole
 
     residual = result["residual"]
     rows = {"error": residual["rms"], "held out": residual["rms_validation"]}
@@ -124,7 +125,7 @@ def errors(result: dict[str, Any]) -> str:
     for name, rms in rows.items():
         if rms is not None:
             found = JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ()))
-            told.append(f"{name} {'; '.join(found.whole(j) for j in range(len(rms)))}")
+            told.append(f"{name} {'; '.join(error_whole(found, j) for j in range(len(rms)))}")
     return ", ".join(told)
 
 

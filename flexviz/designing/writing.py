@@ -14,9 +14,9 @@ import numpy as np
 from flexviz.arrays import Array
 from flexviz.designing.run import Design
 from flexviz.designing.subject import Planned
-from flexviz.equation import INERTIAL_NAMES
 from flexviz.files import as_json, named_errors, whole_folder
 from flexviz.measurements import check_free
+from flexviz.model import INERTIAL_NAMES
 from flexviz.results import interval
 from flexviz.simulation import Fourier
 from flexviz.wording import effect_text_name, plural, unit_text

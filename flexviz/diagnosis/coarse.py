@@ -26,6 +26,7 @@ from flexviz.diagnosis.unknown_curve import best_curve, curve_cost, is_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Descent, ScoredCandidate, shares_alone, torque_scale
+from flexviz.facts import Fact
 from flexviz.motion import MOTION, Known, MotionContext, MotionFit, plain_model, usual_model
 
 Array = NDArray[np.float64]
@@ -41,7 +42,7 @@ class Coarse(Resolution[MotionFit]):
 
     name = "coarse"
 
-    def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
+    def __init__(self, context: MotionContext, own: Layout, say: Callable[[Fact | str], None]) -> None:
         super().__init__(context.measurements, own, say, many=True)
         self.context = context
         self._criterion: Criterion | None = None
@@ -219,7 +220,7 @@ class Coarse(Resolution[MotionFit]):
         for s in [*scored[: EFFORT.best], *sensing]:
             if s.gain < EFFORT.again * self._refused.get(s.effect, 0.0):
                 continue
-            self.say(f"trying: {EFFECTS[s.effect.effect].title}")
+            self.say(Fact("trying-effect", values={"effect": s.effect.effect}))
             other = self.tried(with_candidates(model.fit, [s]), lowest)
             if other is None or self.doubtful(other, model.layout):
                 continue
@@ -306,7 +307,7 @@ class Coarse(Resolution[MotionFit]):
             ranked = self.scores(there.fit, [effect, *others])
             mine = next((s.gain for s in ranked if s.effect == effect), 0.0)
             for s in [s for s in ranked if s.effect != effect and s.gain > EFFORT.close * mine]:
-                self.say(f"trying: {EFFECTS[s.effect.effect].title}")
+                self.say(Fact("trying-effect", values={"effect": s.effect.effect}))
                 other = self.tried(with_candidates(there.fit, [s]), model.fit.objective)
                 far = EFFORT.reach * self.cost_of(s.effect)
                 if other is None or other.score.total > model.score.total + far:
@@ -341,7 +342,7 @@ class Coarse(Resolution[MotionFit]):
         order = map(int, np.argsort(-model.score.deviation / self.criterion.least))
         joints = [j for j in order if much[j] and j not in taken]
         for joint in joints[: EFFORT.unknown_places]:
-            self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
+            self.say(Fact("fitting-curve", joints=(self.own.joints[joint],)))
             curve, _ = best_curve(model.fit, joint)
             layout = model.layout.with_effects((*model.layout.effects, curve))
             yield joint, self.fit(layout, layout.vector(model.layout.model(model.fit.x)))

@@ -18,18 +18,19 @@ from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search, Tried
 from flexviz.diagnosis.so_far import BestModelTracker
+from flexviz.diagnosis.stages import STAGE_SHARES, SearchStage
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
 from flexviz.estimation import Covariance
+from flexviz.facts import Fact
 from flexviz.identification import Estimate, Estimator
 from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext, Phase, Phases
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import STAGE_SHARES, SearchStage
 
 LEAST_SURE = 0.5  # what is less likely right than wrong is not in the model
 
@@ -92,17 +93,17 @@ class Course:
         self.trace: list[Tried] = []
         self.best: CoarseModel | None = None
 
-    def say(self, text: str) -> None:
+    def say(self, what: Fact | str) -> None:
         """Report progress; raise `Interrupted` if the user has stopped the search."""
         if self.searching:
             self.stopped = self.stopped or self.should_stop()
             if self.stopped:
                 raise Interrupted
-        self.tell(text)
+        self.tell(what)
 
-    def tell(self, text: str) -> None:
-        if text and self.progress is not None:
-            self.news = replace(self.pace.news(text), so_far=self.news.so_far, alone=self.news.alone)
+    def tell(self, what: Fact | str) -> None:
+        if what and self.progress is not None:
+            self.news = replace(self.pace.news(what), so_far=self.news.so_far, alone=self.news.alone)
             self.progress(self.news)
 
     def fitted(self, fit: Fitted, first_phase: Phases | None = None) -> None:
@@ -135,7 +136,7 @@ class Course:
         errs = self.errs(coarse, fine)
         if end.curves or (errs and not view.near(coarse)):
             return end
-        self.tell(SearchStage.FINE)
+        self.tell(SearchStage.FINE.fact)
         trace = list[Tried]()
         found = Search(self.fine, trace=trace).run(fine)
         if found.layout != coarse.layout:
@@ -159,21 +160,21 @@ class Course:
     def coarse_search(self) -> CoarseModel:
         """The end of the search at the coarse resolution."""
         view = self.view
-        self.say(SearchStage.OWN_MODEL)
+        self.say(SearchStage.OWN_MODEL.fact)
         bare = self.best = view.begin()
         self.fitted(bare.fit)
         if not view.loud(bare).any():
             return bare
         for joint in (*range(self.own.n), None) if self.survey else ():
             self.news = replace(self.news, alone={**self.news.alone, **view.alone(bare, joint)})
-            self.say(SearchStage.SURVEY)
-        self.say(SearchStage.USUAL)
+            self.say(SearchStage.SURVEY.fact)
+        self.say(SearchStage.USUAL.fact)
         rests = any(bool(np.any(phase < Phase.MOTION)) for phase in view.context.phases)
         if rests and view.context.set_standstill_apart(view.rich().fit):
             bare = view.begin()
-        self.say(SearchStage.SEARCH)
+        self.say(SearchStage.SEARCH.fact)
         end = self.walked(bare)
-        self.say(SearchStage.FOUND)
+        self.say(SearchStage.FOUND.fact)
         return self.completed(end)
 
     def walked(self, model: CoarseModel) -> CoarseModel:

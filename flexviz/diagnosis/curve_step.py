@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -15,42 +16,45 @@ from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
+from flexviz.diagnosis.stages import SearchStage
 from flexviz.effects import EFFECTS, ChosenEffect, CurveForm, draft_effect, free_curve
 from flexviz.equation import layout_of
 from flexviz.errors import InputError
+from flexviz.facts import Fact
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext
 from flexviz.records import curve_tables
-from flexviz.wording import SearchStage, percent
 
 # kinds of notes that are renewed, or are of the model without the curve
 OLD_NOTES = ("free-curve", "stopgap", "unexplained", "changing", "unbiased", "bandwidth", "model-error")
 
 
-def why_no_curve(diagnosis: Diagnosis) -> str:
-    """Why no free curve can be added after a diagnosis; "" if one can."""
+def why_no_curve(diagnosis: Diagnosis) -> Fact | None:
+    """Why no free curve can be added after a diagnosis; None if one can."""
     last = diagnosis.steps[-1].verdict if diagnosis.steps else diagnosis.verdict
     curve, own = diagnosis.free_curve, diagnosis.model.effects if diagnosis.model else ()
     present = [(one, e.joint) for e in own if (one := free_curve(e.effect)) is not None]
+    joints, values = (curve.joint,) if curve is not None else (), dict[str, Any]()
     if last != "unknown":
-        return f'the verdict is "{last}", a free curve is for "unknown"'
-    if curve is None and present:
-        return f"the model has one on {present[-1][1]}, and another one would explain nothing"
-    if curve is None:
-        return "the diagnosis was stopped before it computed a free curve"
-    if not curve.effects:
-        return f"what is left on {curve.joint} follows {curve.variable}, for which there is no free curve"
-    if not curve.certain:
-        share, error = percent(curve.explained), percent(curve.explained_std)
-        return f"the free curve of {curve.joint} explains {share} ± {error} of what is left: perhaps nothing"
-    if any((one.variable, joint) == (curve.variable, curve.joint) for one, joint in present):
-        return f"the model has a free curve of {curve.variable} on {curve.joint} already"
-    return ""
+        why, values = "verdict", {"verdict": last}
+    elif curve is None and present:
+        why, joints = "has-one", (str(present[-1][1]),)
+    elif curve is None:
+        why = "stopped"
+    elif not curve.effects:
+        why, values = "no-such-curve", {"variable": curve.variable}
+    elif not curve.certain:
+        why, values = "uncertain", {"share": curve.explained, "error": curve.explained_std}
+    elif any((one.variable, joint) == (curve.variable, curve.joint) for one, joint in present):
+        why, values = "has-this-one", {"variable": curve.variable}
+    else:
+        return None
+    return Fact("no-free-curve", joints=joints, values={"why": why} | values)
 
 
 def with_free_curve(
-    measurements: MeasurementSet, diagnosis: Diagnosis, tell: Callable[[str], None] = lambda text: None
+    measurements: MeasurementSet, diagnosis: Diagnosis, tell: Callable[[Fact | str], None] = lambda what: None
 ) -> Diagnosis:
     """The diagnosis with its free curve as one more step, estimated together with everything else.
 
@@ -72,7 +76,7 @@ def with_free_curve(
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
-        tell(SearchStage.FREE_CURVE)
+        tell(SearchStage.FREE_CURVE.fact)
         larger = [ChosenEffect(name, joints.index(curve.joint)) for name in curve.effects]
         layouts = [own.with_effects((*own.effects, effect)) for effect in larger]
         fits = [context.fit(one, one.vector(model), check=tell_nothing) for one in layouts]
@@ -88,7 +92,7 @@ def with_free_curve(
             )
             for added, fit in ((None, before), (layout.effects[-1], after))
         )
-        tell(SearchStage.LOCATION)
+        tell(SearchStage.LOCATION.fact)
         at_noise = FitContext(measurements, layout)
         fit = at_noise.fit(layout, after.x, iterations=0)
         places, maps, parts = locate_residual(at_noise, fit)

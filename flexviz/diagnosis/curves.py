@@ -142,4 +142,4 @@ def fit_free_curve(
         centres, value, std, best.found.share, best.found.std, best.noise,
     )  # fmt: skip
     form = curve.simple_form() if curve.certain else None
-    return replace(curve, form=form.text if form else "")
+    return replace(curve, form=form.fact if form else "")

@@ -25,8 +25,7 @@ from flexviz.identification import Estimate
 from flexviz.laws import laws_through_data
 from flexviz.motion import MOTION, Known
 from flexviz.parallel import shared
-from flexviz.records import Absorbed, EffectEntry, EffectParameter, Family, Tie, Verdict
-from flexviz.wording import step_shares
+from flexviz.records import Absorbed, EffectEntry, EffectParameter, Family, Tie, Verdict, step_shares
 
 Array = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolutio
 from flexviz.effects import EFFECTS
 from flexviz.equation import Chain, Layout
 from flexviz.estimation import Point, ScoredCandidate, torque_scale
+from flexviz.facts import Fact
 from flexviz.motion import MOTION, Known
 
 Array = NDArray[np.float64]
@@ -31,7 +32,7 @@ class Fine(Resolution[Fit]):
 
     name = "fine"
 
-    def __init__(self, context: FitContext, own: Layout, say: Callable[[str], None]) -> None:
+    def __init__(self, context: FitContext, own: Layout, say: Callable[[Fact | str], None]) -> None:
         super().__init__(context.measurements, own, say, many=False)
         self.context = context
         self._criterion: Criterion | None = None
@@ -40,7 +41,7 @@ class Fine(Resolution[Fit]):
     @property
     def criterion(self) -> Criterion:
         """Of the recording, by the model from which the search begins."""
-        assert self._criterion is not None, "the search has not begun"
+        assert self._criterion is not None  # the search has begun
         return self._criterion
 
     def begin(self, layout: Layout, x: Array, iterations: int = STEPS) -> FineModel:
@@ -142,7 +143,7 @@ class Fine(Resolution[Fit]):
 
     def with_added(self, model: FineModel, scored: ScoredCandidate) -> FineModel:
         """The model with a candidate, from the best of its starts."""
-        self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
+        self.say(Fact("testing-effect", values={"effect": scored.effect.effect}))
         starts = self.starts(model.fit, scored)
         if len(starts) > 1:  # far from the noise, steps from a bad start lead nowhere
             begun = [self.trial(at, model.fit, EFFORT.first_steps) for at in starts]

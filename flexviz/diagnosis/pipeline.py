@@ -21,14 +21,16 @@ from flexviz.diagnosis.curves import fit_free_curve
 from flexviz.diagnosis.findings import Stair, effect_values, findings, stair_of, staircase, steps
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.limit import detection_limit
-from flexviz.diagnosis.notes import notes, standstill_text, without_still_groups
+from flexviz.diagnosis.notes import notes, standstill, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.seen_limits import limit_findings
 from flexviz.diagnosis.settings import diagnosed_set
+from flexviz.diagnosis.stages import SearchStage
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_input import UnknownInputFit, UnknownPlace, locate_unknown, unknown_place
 from flexviz.effects import DECOYS
+from flexviz.facts import Fact
 from flexviz.identification import (
     Estimate,
     FitOptions,
@@ -36,13 +38,14 @@ from flexviz.identification import (
     fit_settings,
     link_side_checks,
     parameter_estimates,
+    saturated_torques,
+    torques_without_signal,
 )
-from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
+from flexviz.measurements import MeasurementSet, set_of
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
-from flexviz.records import CriterionNumbers, Decoys, DetectionLimit, Move, Note, Resolution, Verdict
-from flexviz.wording import SearchStage, listed
+from flexviz.records import CriterionNumbers, Decoys, DetectionLimit, Move, Resolution, Verdict
 
 Array = NDArray[np.float64]
 
@@ -121,7 +124,7 @@ def _described(course: Course, apply: bool, guard: bool | None, free_curve: bool
             result = replace(result, stopped=True)
         result = replace(result, seconds=time.perf_counter() - course.began)
     if result.stopped and not result.findings and (best := course.news.so_far) is not None:
-        result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
+        result = replace(result, notes=(*result.notes, best.stopped))
     return result
 
 
@@ -146,7 +149,7 @@ class _Description:
         """The result."""
         course, end = self.course, self.end
         final = stair_of(course, self.estimate)
-        course.tell(SearchStage.STAIRS)
+        course.tell(SearchStage.STAIRS.fact)
         stairs = staircase(course, end, final)
         left = (
             course.errs(end.coarse, end.fine) if end.at_noise else course.view.significant(end.coarse).any()
@@ -164,7 +167,7 @@ class _Description:
     def described(self, shown: Stair, made: list[Step], found: list[Finding]) -> Diagnosis:
         """The result that describes one model, `shown`."""
         course, end, layout = self.course, self.end, shown.layout
-        course.tell(SearchStage.LOCATION)
+        course.tell(SearchStage.LOCATION.fact)
         plain = without_curves(shown)  # a curve is what no effect explains
         fit = course.fine.fit(plain.layout, plain.x, 0).fit
         context, unknown = course.fine.context, made[-1].verdict == "unknown"
@@ -179,7 +182,7 @@ class _Description:
             curve = None if end.curves and not curve.certain else curve
         puzzling = unknown and end.at_noise and end.changing is None and beside is None
         if not course.stopped and (self.guard or (self.guard is None and puzzling)):
-            course.tell(SearchStage.BANDWIDTH)
+            course.tell(SearchStage.BANDWIDTH.fact)
             guard = check_bandwidth(course.measurements, layout, shown.x)
         told = () if beside is None else beside.notes(context, parts, fit)
         # variance of the model error that the search allowed for, shape (n,) [Nm²]
@@ -225,24 +228,19 @@ class _Description:
             j for j, (noise, torque) in zip(self.course.own.joints, pairs, strict=True) if noise > torque > 0
         ]
 
-    def notes_on_data(self, shown: Stair) -> Iterator[Note]:
-        """What is said of the data whatever was found."""
+    def notes_on_data(self, shown: Stair) -> Iterator[Fact]:
+        """What holds of the data whatever was found."""
         if drowned := self.drowned(shown):
-            text = (
-                f"the estimated noise is larger than the torque of {listed(drowned)}, so nothing can be told"
-            )
-            yield Note("drowned", text)
-        if text := no_torque_text(silent_joints(self.course.measurements)):
-            yield Note("other", text)
+            yield Fact("drowned", "wrong", tuple(drowned))
+        yield from torques_without_signal(self.course.measurements)
         if self.end.changing is not None:
-            yield Note("changing", self.end.changing.text)
+            yield self.end.changing.fact
         segments = [s for g in self.course.measurements.fit_groups for s in g.segments]
-        if text := filtered_before_writing(segments).text:
-            yield Note("filtered", text)
-        if limits := self.course.measurements.seen_limits:
-            yield Note("other", saturated_text(limits, self.course.own.joints))
+        if (hertz := filtered_before_writing(segments).hertz) is not None:
+            yield Fact("filtered", "odd", values={"hertz": hertz})
+        yield from saturated_torques(self.course.measurements)
         if (phase := self.course.view.context.first_phase).any():
-            yield Note("standstill", standstill_text(self.course.own.joints, phase))
+            yield standstill(self.course.own.joints, phase)
 
     def criterion(self) -> CriterionNumbers:
         """The numbers of J where the search ended."""
@@ -262,7 +260,7 @@ class _Description:
         """A move of the search for the result."""
         joints, found, accepted = self.course.own.joints, tried.gain, tried.accepted
         added, removed = (tuple(sorted(e.text(joints) for e in es)) for es in (tried.added, tried.removed))
-        why = "" if accepted else found.why or "it is not needed"
+        why = "" if accepted else Fact("move-refused", values={"why": found.why})
         return Move(tried.kind, added, removed, found.delta, 0.0, accepted, tried.resolution, why)
 
     def place(self, fit: Fit) -> UnknownPlace | None:
@@ -272,6 +270,6 @@ class _Description:
         several = many and np.count_nonzero(view.significant(end.coarse)) > 1
         if self.course.stopped or end.curves or end.changing is not None or several:
             return None
-        self.course.tell(SearchStage.PLACE)
+        self.course.tell(SearchStage.PLACE.fact)
         ratio = end.coarse.score.deviation / view.criterion.least
         return unknown_place(self.course.fine.context, fit, lambda: None, [int(np.argmax(ratio))])

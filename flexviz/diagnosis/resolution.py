@@ -19,6 +19,7 @@ from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, kin
 from flexviz.equation import Chain, Layout, OperatingPoint
 from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
+from flexviz.facts import Fact
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import shared
 
@@ -71,7 +72,7 @@ class Resolution(ABC, Generic[AnyFit]):
     banned: frozenset[ChosenEffect] = frozenset()
 
     def __init__(
-        self, measurements: MeasurementSet, own: Layout, say: Callable[[str], None], many: bool
+        self, measurements: MeasurementSet, own: Layout, say: Callable[[Fact | str], None], many: bool
     ) -> None:
         self.measurements, self.own, self.say, self.many = measurements, own, say, many
         self.raw_step = max(s.step for g in measurements.groups for s in g.segments)

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from flexviz.diagnosis.plots import DiagnosisPlots
+from flexviz.facts import Fact
 from flexviz.fields import RECORD, Floats, Once
 from flexviz.laws import LawThroughData
 from flexviz.model import FlexibleModel
@@ -18,11 +19,12 @@ from flexviz.records import (
     CandidateEffect,
     EffectEntry,
     ModelEntry,
-    Note,
     ParameterEstimate,
     StepEntry,
     TorqueEntry,
     Verdict,
+    finding_key,
+    found_shares,
 )
 from flexviz.results import (
     BandwidthCheck,
@@ -37,7 +39,6 @@ from flexviz.results import (
     shared_fields,
     torque_side,
 )
-from flexviz.wording import finding_key, found_shares
 
 
 @std_dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ class Diagnosis(DiagnosisFields):
         steps: initial model, then one step per added effect.
         effects, parameters, model: the final model.
         seconds: wall time.
-        notes: they accompany the verdict.
+        notes: what accompanies the verdict.
         guard: result of the bandwidth check; None if not run.
         torque_spread: standard deviation of each joint's recorded torque [Nm]; empty if unknown.
     """
@@ -110,7 +111,7 @@ class Diagnosis(DiagnosisFields):
     effects: tuple[EffectEntry, ...]
     parameters: tuple[ParameterEstimate, ...]
     seconds: float
-    notes: tuple[Note, ...] = ()
+    notes: tuple[Fact, ...] = ()
     model: FlexibleModel | None = None
     guard: BandwidthCheck | None = None
     torque_spread: tuple[float, ...] = ()
@@ -128,7 +129,7 @@ class Diagnosis(DiagnosisFields):
         return f"<Diagnosis of {self.set_name}: {self.verdict}{found}>"
 
     @property
-    def typed_notes(self) -> tuple[Note, ...]:
+    def typed_notes(self) -> tuple[Fact, ...]:
         """The notes, under their name in a results document."""
         return self.notes
 

@@ -14,7 +14,7 @@ from flexviz.equation import Layout
 from flexviz.model import FlexibleModel
 from flexviz.motion import Phases
 from flexviz.progress import BestSoFar
-from flexviz.wording import MOST_NAMED, JointErrors, listed, stated_errors, text_names
+from flexviz.records import JointErrors, stated_errors
 
 Floats = NDArray[np.float32]
 
@@ -43,15 +43,15 @@ class BestModelTracker:
         if self._own_fit is not None and not added:
             return None
         errors, spread = self.band.errors(fit, first_phase), self.band.measurements.torque_spread
-        now, kind = stated_errors(errors, spread), f"{errors.stated_name} error"
-        texts = tuple(effect.text(self.own.joints) for effect in added)
+        now, texts = stated_errors(errors, spread), tuple(effect.text(self.own.joints) for effect in added)
         time, residual = (a.astype(np.float32) for a in (self.band.signals.time, errors.residual))
         over_time = {group: (time[at], residual[at]) for group, at in self.band.rows.items()}
         drawn = texts, fit.layout.model(fit.x), over_time
+        values = {"added": texts, "held_out": errors.rms_validation is not None, "before": ()}
+        values |= {"rms": tuple(now.rms), "spread": tuple(spread), "units": tuple(now.units)}
         if self._own_fit is None:
             self._own_fit = Known(fit.layout, fit.x)  # the rest of a fit takes memory
-            worst = f"{self.own.joints[now.order[0]]} {now.text(now.order[0])}"
-            return BestModel("", f"{kind} of the present model {now.whole()}; most: {worst}", *drawn)
+            return BestModel(self.own.joints, values, *drawn)
         if now.mean >= self._best:
             return None
         self._best = now.mean
@@ -59,8 +59,5 @@ class BestModelTracker:
         if counted not in self._own_errors:
             own = self.band.errors(self._own_fit, first_phase)
             self._own_errors[counted] = stated_errors(own, spread)
-        before = self._own_errors[counted]
-        names = text_names(texts, self.own.joints)
-        more = len(names) - MOST_NAMED
-        model = listed([*names[:MOST_NAMED], f"{more} more"] if more > 0 else names)
-        return BestModel(model, f"{kind} {before.short()} → {now.whole()}", *drawn)
+        before = tuple(self._own_errors[counted].rms)
+        return BestModel(self.own.joints, values | {"before": before}, *drawn)

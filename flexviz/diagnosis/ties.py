@@ -13,6 +13,8 @@ from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.effects.free_curve import NODES
 from flexviz.equation import Signals
 from flexviz.estimation import Projection
+from flexviz.facts import Fact
+from flexviz.measurements import Group
 from flexviz.records import Tie
 
 Array = NDArray[np.float64]
@@ -58,32 +60,38 @@ def ties(view: Coarse, model: CoarseModel, effect: ChosenEffect, rivals: Sequenc
                 yield Tie(name, fit.layout.joint_name(other), best, telling_motion(view, effect, mine, there))
 
 
-def telling_motion(view: Coarse, effect: ChosenEffect, mine: Array, other: Array) -> str:
-    """Sentence that names the motion or payload in which two unit signatures, shape (N·n,), differ most."""
+def telling_motion(view: Coarse, effect: ChosenEffect, mine: Array, other: Array) -> Fact:
+    """The motion or payload in which two unit signatures, shape (N·n,), differ most."""
     signals, joints = view.context.signals, view.own.joints
     squares = (mine - float(mine @ other) * other).reshape(-1, len(joints)) ** 2
     density = squares.sum(axis=1)
     if density.sum() <= 1e-12:
-        return "The two effects look the same in every motion of this set: record a different kind of motion."
+        return Fact("alike-in-all-motion")
     joint = effect.joint if effect.joint is not None else int(np.argmax(squares.sum(axis=0)))
-    kinds = _kinds_of_motion(signals, joint, joints[joint])
-    ratio, text = max((float(density[rows].mean() / density.mean()), text) for text, rows in kinds)
-    return f"They differ most in {text} ({ratio:.1f} times the average): record more data of this kind."
+    kinds = (
+        (float(density[rows].mean() / density.mean()), kind, group)
+        for kind, group, rows in _kinds_of_motion(signals, joint)
+    )
+    ratio, kind, group = max(kinds, key=lambda found: found[0])
+    values = {"motion": kind, "ratio": ratio}
+    if group is None:
+        return Fact("differ-in-motion", joints=(joints[joint],), values=values)
+    return Fact("differ-in-motion", groups=(group.name,), values=values | {"payload": group.payload})
 
 
-def _kinds_of_motion(signals: Signals, joint: int, name: str) -> Iterator[tuple[str, Ints]]:
-    """Description and samples of each extreme of a joint's motion, and of each group."""
+def _kinds_of_motion(signals: Signals, joint: int) -> Iterator[tuple[str, Group | None, Ints]]:
+    """Each extreme of a joint's motion, and each group, with its samples."""
     position, load = signals.theta[0, :, joint], np.abs(signals.tau[0, :, joint])
     speed, acceleration = np.abs(signals.theta[1:3, :, joint])
     for values, least, most in (
-        (speed, f"slow motion and reversals of {name}", f"fast motion of {name}"),
-        (load, f"torque near zero on {name}", f"high torque on {name}"),
-        (acceleration, "", f"strong acceleration of {name}"),
-        (position, f"low positions of {name}", f"high positions of {name}"),
+        (speed, "slow", "fast"),
+        (load, "unloaded", "loaded"),
+        (acceleration, "", "accelerated"),
+        (position, "low", "high"),
     ):
         parts = np.array_split(np.argsort(values), NODES)
-        yield from ((text, parts[end]) for text, end in ((least, 0), (most, -1)) if text)
+        yield from ((kind, None, parts[end]) for kind, end in ((least, 0), (most, -1)) if kind)
     for k, group in enumerate(signals.groups):
         rows = np.flatnonzero(signals.group == k)
         if len(rows):
-            yield f"motion and payload of group {group.name} (payload {group.payload})", rows
+            yield "group", group, rows

@@ -22,20 +22,14 @@ from flexviz.diagnosis.varying_size import ChangingSize
 from flexviz.diagnosis.vibration import vibration
 from flexviz.equation import Layout
 from flexviz.estimation import ESTIMATION, MAX_ITERATIONS, SIDES, Covariance, Side, UnknownInput
+from flexviz.facts import Fact
 from flexviz.identification import parameter_estimates
 from flexviz.motion import MOTION
 from flexviz.parallel import shared
-from flexviz.records import Note
-from flexviz.wording import interval, number, plain_name
 
 Array = NDArray[np.float64]
 
 COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how the unknown law biases them
-PLACES: dict[Side, str] = {
-    "motor": "on the motor side of {}",
-    "transmission": "in the transmission of {}",
-    "link": "on the link side of {}",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +60,6 @@ class UnknownPlace:
     def joint(self) -> str:
         """Name of the joint."""
         return self.layout.joints[self.unknown.joint]
-
-    @property
-    def text(self) -> str:
-        """The finding as a sentence."""
-        where = PLACES[self.unknown.side].format(self.joint) if self.sure else f"at {self.joint}"
-        given = f"acts {where}: with an arbitrary torque there,"
-        if self.complete:
-            return f"what is missing {given} all joints agree with the noise"
-        return f"most of what is missing {given} little of the error is left"
 
     def beats(self, other: UnknownPlace) -> bool:
         """Whether the residual given another input is clearly larger, in units of what this one leaves."""
@@ -149,18 +134,24 @@ class UnknownInputFit:
             return None
         return UnknownInputFit(place, replace(again, unbiased=True), covariance)
 
-    def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Note]:
+    def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Fact]:
         """The place, and parameters that are clearly different in a fit without the input."""
-        hertz = vibration(samples(context, self.fit, parts), self.place.unknown.joint)
-        shaken = f"; it is a vibration of {hertz:.3g} Hz, whatever the robot does" if hertz else ""
-        yield Note("place", self.place.text + shaken)
+        place = self.place
+        values = {
+            "side": place.unknown.side if place.sure else None,
+            "complete": place.complete,
+            "hertz": vibration(samples(context, self.fit, parts), place.unknown.joint),
+        }
+        yield Fact("place", joints=(place.joint,), values=values)
         # an input on the motor side also changes the deflection
-        sound = self.place.complete and self.place.converged and self.place.unknown.side != "motor"
-        if values := ", ".join(self._unbiased(context, biased) if sound else ()):
-            yield Note("unbiased", f"given this arbitrary torque: {values}")
+        sound = place.complete and place.converged and place.unknown.side != "motor"
+        if found := tuple(self._unbiased(context, biased) if sound else ()):
+            yield Fact("unbiased", joints=tuple(one for _, one, *_ in found), values={"parameters": found})
 
-    def _unbiased(self, context: FitContext, biased: Fit) -> Iterator[str]:
-        """What is said of each parameter that differs clearly."""
+    def _unbiased(
+        self, context: FitContext, biased: Fit
+    ) -> Iterator[tuple[str, str, float, float, str, float]]:
+        """Each parameter that differs clearly: name, joint, value, standard error, unit, biased value."""
         layout, start = self.fit.layout, context.start(self.fit.layout)
         at_bound = np.isclose(self.fit.x, start.bounds.lower) | np.isclose(self.fit.x, start.bounds.upper)
         here, without = (
@@ -173,8 +164,7 @@ class UnknownInputFit:
             apart = one.name in COMPARED and (on_link or one.joint != self.place.joint)
             clear = abs(one.value - other.value) > MOTION.outlier * one.std
             if apart and one.identifiable == "yes" and clear:
-                shown = f"{plain_name(one.name)} of {one.joint} {' ± '.join(interval(one.value, one.std))}"
-                yield f"{shown} {one.unit} instead of {number(other.value, 4)}"
+                yield one.name, str(one.joint), one.value, one.std, one.unit, other.value
 
 
 def locate_unknown(

@@ -18,7 +18,7 @@ from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.estimation import explained
-from flexviz.wording import plain_name, unit_text
+from flexviz.facts import Fact
 
 Array = NDArray[np.float64]
 
@@ -44,16 +44,20 @@ class ChangingSize:
     end: float
 
     @property
-    def text(self) -> str:
-        """The finding as a sentence."""
-        effect, *places = self.named
-        place = next((f" of {place}" for place in places if place), "")
-        grows = "grows" if abs(self.end) > abs(self.start) else "falls"
-        what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place} is not constant"
-        how = f"{'changes' if self.start * self.end < 0 else grows} from about {self.start:.2g} to"
-        end = f"{self.end:.2g} {unit_text(self.size.unit)}".rstrip()
-        when = "during a recording" if self.along == "time" else "with the torque that the joint transmits"
-        return f"{what}: it {how} {end} {when}, which this effect cannot describe"
+    def fact(self) -> Fact:
+        """The finding."""
+        effect, joint, group, payload = self.named
+        values = {
+            "effect": effect,
+            "place": joint or group or payload,
+            "parameter": self.size.name,
+            "along": self.along,
+            "start": self.start,
+            "end": self.end,
+            "unit": self.size.unit,
+        }
+        joints, groups = ((name,) if name else () for name in (joint, group))
+        return Fact("changing", joints=joints, groups=groups, values=values)
 
 
 def changing_size(fine: Fine, model: FineModel) -> ChangingSize | None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexviz.effects.terms import Array
+from flexviz.facts import Fact
 
 MIN_EXPLAINED = 0.8  # of the curve's weighted square; a form that explains less is not named
 PRICE = 0.02  # share that every further parameter has to explain
@@ -76,28 +77,10 @@ class CurveForm:
     explained: float
 
     @property
-    def text(self) -> str:
-        """ "a bump of 14.9 Nm at −0.02 rad, 0.18 rad wide, against the motion (97 % of the curve)"."""
-        v = {name: f"{value:.3g}".replace("-", "−") for name, value in self.values.items()}
-        step, rate = self.direction == "against", self.values.get("rate", 1.0)
-        text = {
-            "constant": f"a step of {v['size']} Nm where the motion reverses"
-            if step
-            else f"a constant torque of {v['size']} Nm",
-            "line": f"a straight line of {v.get('slope')} Nm per {self.unit}, {v['size']} Nm at zero",
-            "bump": f"a bump of {v['size']} Nm at {v.get('centre')} {self.unit}, "
-            f"{v.get('width')} {self.unit} wide",
-            "exponential": f"an exponential of {v['size']} Nm at zero that "
-            f"{'grows' if rate > 0 else 'falls'} by a factor of e every {1 / abs(rate):.3g} {self.unit}",
-            "sine": f"a sine of {v['size']} Nm with {v.get('order')} rad per {self.unit}",
-        }[self.kind]
-        if self.kind == "line" and self.variable == "position" and self.direction == "both":
-            text = f"a linear spring of {v['slope']} Nm/rad, {v['size']} Nm at zero"
-        way = {"both": "", "against": ", against the motion"}.get(
-            self.direction, f", in {self.direction} motion only"
-        )
-        way = "" if self.kind == "constant" and step else way
-        return f"{text}{way} ({min(100 * self.explained, 99):.0f} % of the curve)"
+    def fact(self) -> Fact:
+        """The law and its numbers."""
+        own = {"kind": self.kind, "direction": self.direction, "variable": self.variable, "unit": self.unit}
+        return Fact("curve-form", values=own | {"explained": self.explained} | dict(self.values))
 
 
 def curve_points(variable: str, at: ArrayLike, value: ArrayLike, std: ArrayLike) -> CurvePoints:

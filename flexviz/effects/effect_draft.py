@@ -139,7 +139,7 @@ def draft_effect(form: CurveForm, joint: str, set_name: str, on_link: bool = Fal
     grid = ", ".join(f'"{name}": {text.format(**numbers)}' for name, text in law.grid.items())
     name = f"{form.kind}_of_{form.variable}"
     return FILE.format(
-        text=form.text,
+        text=form.fact,
         class_name="".join(part.capitalize() for part in name.split("_")),
         name=name,
         title=f"{law.title} of {form.variable} (draft)",

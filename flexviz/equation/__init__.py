@@ -1,7 +1,7 @@
 """The identification equation: signals in, residual and Jacobian out."""
 
 from flexviz.equation.chain import Chain, local_compliance, time_constants
-from flexviz.equation.layout import INERTIAL_NAMES, RIGID, Layout, layout_of
+from flexviz.equation.layout import RIGID, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.motions import viscous_scale
 from flexviz.equation.products import FilteredProducts

@@ -21,7 +21,6 @@ from flexviz.measurements import MeasurementSet
 from flexviz.model import INERTIAL_UNITS, JOINT_UNITS, EffectValue, FlexibleModel
 from flexviz.units import joint_unit
 
-INERTIAL_NAMES = tuple(INERTIAL_UNITS)
 RIGID = 1e-12  # [rad/Nm] of a rigid joint: a nanometre at the end of a long arm under any torque
 
 

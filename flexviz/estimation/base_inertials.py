@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.arrays import Array
-from flexviz.equation import INERTIAL_NAMES, LinkDynamics
+from flexviz.equation import LinkDynamics
+from flexviz.model import INERTIAL_NAMES
 from flexviz.robot import Robot
 
 NAMED = 1e-3  # of the largest factor of a base parameter: smaller terms are not in its name

@@ -14,12 +14,11 @@ import numpy as np
 from flexviz import __version__
 from flexviz.arrays import Array
 from flexviz.effects import EFFECTS, named_effect
-from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.exporting.laws import Laws, laws, not_of_robot
-from flexviz.model import EffectValue, FlexibleModel
+from flexviz.model import INERTIAL_NAMES, EffectValue, FlexibleModel
 from flexviz.mounting import mounting_text
 from flexviz.records import Verdict
 from flexviz.results import ResultDocument, lacks_effects

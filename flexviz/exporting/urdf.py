@@ -11,11 +11,11 @@ from pathlib import PurePosixPath
 from typing import Any
 from xml.dom import minidom
 
-from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError
 from flexviz.exporting.bodies import Carrier, carriers
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.xml_text import comment_text, number_text
+from flexviz.model import INERTIAL_NAMES
 from flexviz.mounting import mounting_text
 from flexviz.robot_files import resolve_mesh
 from flexviz.units import joint_unit

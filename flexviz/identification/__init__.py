@@ -3,6 +3,7 @@
 from flexviz.identification.bandwidth_sweep import SweepResult, sweep
 from flexviz.identification.estimator import Estimate, Estimator
 from flexviz.identification.link_side_check import link_side_checks
+from flexviz.identification.messages import saturated_torques, torques_without_signal
 from flexviz.identification.pipeline import identify
 from flexviz.identification.plots import IdentificationPlots, laws_figure
 from flexviz.identification.preview import ObservedResidual, ResidualPreview
@@ -27,5 +28,7 @@ __all__ = [
     "laws_figure",
     "link_side_checks",
     "parameter_estimates",
+    "saturated_torques",
     "sweep",
+    "torques_without_signal",
 ]

@@ -27,6 +27,7 @@ from flexviz.estimation import (
     start_values,
     torque_scale,
 )
+from flexviz.facts import Fact
 from flexviz.identification.uncertainty import Stated
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.motion import (
@@ -57,7 +58,7 @@ class Estimate:
         refined: all of the band counts, and not that of the motion.
         at_noise: noise explains what is left.
         first_phase: shape (n,), first phase of each joint that counts.
-        message: how the fit went.
+        fact: how the fit went.
     """
 
     layout: Layout
@@ -69,7 +70,7 @@ class Estimate:
     refined: bool
     at_noise: bool
     first_phase: Phases
-    message: str
+    fact: Fact
 
     @property
     def covariances(self) -> tuple[Covariance, Covariance]:
@@ -181,7 +182,7 @@ class Estimator:
         stated = partial(point.stated, start.prior, from_noise=point.at_noise)
         return Estimate(
             layout, point.x, found.at_bound, stated, start.prior, start.x, True, point.at_noise, phase,
-            _refined_text(found),
+            _refined(found),
         )  # fmt: skip
 
     def in_motion(self, layout: Layout, motion: MotionFit, check: Callable[[], None]) -> Estimate:
@@ -198,16 +199,12 @@ class Estimator:
         """A fit in the band of the motion as an estimate."""
         context, layout = fit.context, fit.layout
         start = context.start(layout)
-        text = (
-            "converged in the band of the motion: the model errs by more than the sensors, and each joint is "
-            "weighted by what the model leaves"
-        )
 
         def stated(held: Sequence[Bools]) -> list[tuple[Covariance, Covariance]]:
             return [fit.covariances(one) for one in held]
 
-        phase = context.first_phase.copy()
-        return Estimate(layout, fit.x, fit.at_bound, stated, start.prior, start.x, False, False, phase, text)
+        phase, fact = context.first_phase.copy(), Fact("converged-in-motion")
+        return Estimate(layout, fit.x, fit.at_bound, stated, start.prior, start.x, False, False, phase, fact)
 
     def standstill(self, check: Callable[[], None]) -> Phases:
         """The first phase of each joint that counts, decided on a model with all usual effects."""
@@ -219,10 +216,8 @@ class Estimator:
         return context.first_phase
 
 
-def _refined_text(found: Solved) -> str:
-    model_error = found.place.model_error
-    if model_error.any():
-        added = ", ".join(f"{value:.2g}" for value in np.sqrt(model_error))
-        return f"refined; the model errs more than the sensors, a model error ({added} Nm) was allowed for"
-    chi_square = float(np.mean(found.place.chi))
-    return f"refined; whitened residual {chi_square:.3g} per sample (1 = measurement noise alone)"
+def _refined(found: Solved) -> Fact:
+    """The model error of each joint that was allowed for [Nm], if any, and χ² per sample."""
+    place = found.place
+    added = tuple(np.sqrt(place.model_error).tolist()) if place.model_error.any() else ()
+    return Fact("refined", values={"model_error": added, "chi_square": float(np.mean(place.chi))})

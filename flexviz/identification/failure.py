@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.equation import Layout
 from flexviz.estimation import Solution, Start, bounded_step, normal_equations
+from flexviz.facts import Fact
 from flexviz.identification.thresholds import IDENTIFICATION
-from flexviz.records import ParameterEstimate, ResidualSummary
-from flexviz.wording import listed, normalised, percent, plain_name
+from flexviz.records import ParameterEstimate, ResidualSummary, normalised
 
 BY_DESIGN = ("stiffness", "motor_inertia")  # parameters that a healthy fit determines within their bounds
 
@@ -59,33 +60,28 @@ def unexplained(residual: ResidualSummary) -> Unrest | None:
 
 def why_not(
     unrest: Unrest, layout: Layout, parameters: Sequence[ParameterEstimate], residual: ResidualSummary
-) -> str:
-    """A clause on each joint that keeps a fit from ending, the worst first."""
+) -> Iterator[Fact]:
+    """The joints that keep a fit from ending, the worst first."""
     order = np.argsort(-unrest.joints)
     least = min(IDENTIFICATION.unrest, float(unrest.joints[order[0]]))
     shares = normalised(residual.rms, residual.torque_spread or [np.nan] * layout.n)
-    clauses = []
     for j in (int(j) for j in order if unrest.joints[j] >= least):
-        found = _reasons(j, unrest, layout, parameters, shares[j])
-        clauses.append(f"{layout.joints[j]} cannot be fitted, because {listed(found)}")
-    return "; ".join(clauses)
+        reasons = _reasons(j, unrest, layout, parameters, shares[j])
+        yield Fact("joint-not-fitted", "wrong", (layout.joints[j],), values=reasons)
 
 
 def _reasons(
     j: int, unrest: Unrest, layout: Layout, parameters: Sequence[ParameterEstimate], share: float
-) -> list[str]:
+) -> dict[str, Any]:
+    """Parameters at a bound and undetermined ones, a bad error; of a joint without any what still moves."""
     own = [p for p in parameters if p.joint == layout.joints[j] and (p.name in BY_DESIGN or "." in p.name)]
-    bound = [plain_name(p.name) for p in own if p.at_bound]
-    unknown = [plain_name(p.name) for p in own if p.identifiable == "no" and not p.at_bound]
-    out = []
-    if bound:
-        out.append(f"its {listed(bound)} ended at the bound of what is possible")
-    if unknown:
-        out.append(f"the data do not determine its {listed(unknown)}")
-    if share >= IDENTIFICATION.bad_share:
-        out.append(f"its error is {percent(share)} of its torque")
-    if not out and len(unrest.parameters):
+    out = {
+        "at_bound": tuple(p.name for p in own if p.at_bound),
+        "undetermined": tuple(p.name for p in own if p.identifiable == "no" and not p.at_bound),
+        "share": share if share >= IDENTIFICATION.bad_share else None,
+        "moves": None,
+    }
+    if not any(out.values()) and len(unrest.parameters):
         mine = [k for k, (_, joint, _) in enumerate(layout.names()) if joint == layout.joints[j]]
-        k = max(mine, key=lambda k: unrest.parameters[k])
-        out.append(f"its {plain_name(layout.names()[k][0])} still moves")
-    return out or ["its residual is the furthest above the noise"]
+        out["moves"] = layout.names()[max(mine, key=lambda k: unrest.parameters[k])][0]
+    return out

@@ -16,6 +16,7 @@ from flexviz.arrays import Array, Bools
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError
 from flexviz.estimation import Stopped, base_parameters, residual_noise, torque_scale
+from flexviz.facts import Fact
 from flexviz.identification.estimator import Estimator
 from flexviz.identification.failure import (
     Unrest,
@@ -26,7 +27,12 @@ from flexviz.identification.failure import (
 )
 from flexviz.identification.likely_addition import likely_move, likely_move_in_motion
 from flexviz.identification.link_side_check import link_side_checks
-from flexviz.identification.messages import holds_text, left_out_text
+from flexviz.identification.messages import (
+    groups_not_used,
+    holds_used,
+    saturated_torques,
+    torques_without_signal,
+)
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.plots import remember
 from flexviz.identification.result import Identification, ResidualSeries
@@ -34,16 +40,12 @@ from flexviz.identification.settings import FitOptions, FitSettings, fit_setting
 from flexviz.identification.stated_error import stated_residual
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
-from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
+from flexviz.measurements import Group, MeasurementSet, set_of
 from flexviz.model import FlexibleModel
 from flexviz.motion import MotionFit, Phases
 from flexviz.noise import check_signals, segments_noise
 from flexviz.progress import ProgressCallback, StopCallback
-from flexviz.records import ResidualSummary
-from flexviz.wording import normalised
-
-GIVEN = "values as given; they were not fitted with this observer"
-STOPPED = "stopped; the values are those of the last step"
+from flexviz.records import ResidualSummary, normalised
 
 
 def identify(
@@ -83,7 +85,7 @@ def identify(
         plain = plain_fit(measurements, fitted, chosen, report, model)
         outcome, move = _plain_outcome(plain), np.zeros(layout.size)
         if model is not None:
-            outcome = replace(outcome, message=GIVEN, given=True)
+            outcome = replace(outcome, facts=(Fact("values-given"),), given=True)
         elif chosen.refine and not report.stopped:
             outcome = _estimated_outcome(measurements, fitted, plain, outcome, report)
         if model is None and not report.stopped and not outcome.explained:
@@ -95,16 +97,14 @@ def identify(
         report.stage = "intervals"
         known = uncertainty(outcome.stated, layout, outcome.at_bound, move)
         if report.stopped:
-            outcome = replace(outcome, converged=False, message=STOPPED)
+            outcome = replace(outcome, converged=False, facts=(Fact("fit-stopped", "odd"),))
         result = _result(measurements, fitted, plain, outcome, known, report)
     result = replace(result, residual=_with_noise_share(result.residual, noise))
-    message = result.message + left_out_text(result, (*fitted, *held_out))
-    message += holds_text(plain, result.model)
-    if silent := no_torque_text(silent_joints(measurements)):
-        message += f"; {silent}"
-    if saturated := saturated_text(measurements.seen_limits, measurements.joints):
-        message += f"; {saturated}"
-    return remember(replace(result, message=message, seconds=time.perf_counter() - began), measurements)
+    facts = (
+        *result.facts, *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model),
+        *torques_without_signal(measurements), *saturated_torques(measurements),
+    )  # fmt: skip
+    return remember(replace(result, facts=facts, seconds=time.perf_counter() - began), measurements)
 
 
 def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:
@@ -133,7 +133,7 @@ class _Outcome:
         evaluation: the plain fit's equation there.
         at_bound: shape (P,).
         stated: the covariances of the parameters.
-        converged, refined, message: as in `Identification`.
+        converged, refined, facts: as in `Identification`.
         unrest: what keeps the fit from converging.
         given: the values were not fitted.
         explained: noise explains what the refinement leaves.
@@ -146,7 +146,7 @@ class _Outcome:
     at_bound: Bools
     stated: Stated
     converged: bool
-    message: str
+    facts: tuple[Fact, ...]
     refined: bool = False
     unrest: Unrest | None = None
     given: bool = False
@@ -157,9 +157,9 @@ class _Outcome:
 
 def _plain_outcome(plain: PlainFit) -> _Outcome:
     end = plain.solution
-    message = "converged" if end.converged else "did not converge; the values are where the solver stopped"
+    fact = Fact("converged") if end.converged else Fact("not-converged", "wrong")
     unrest = None if end.converged else unrest_of(end, plain.start, plain.equation.layout)
-    return _Outcome(end.x, end.evaluation, end.at_bound, plain.stated, end.converged, message, unrest=unrest)
+    return _Outcome(end.x, end.evaluation, end.at_bound, plain.stated, end.converged, (fact,), unrest=unrest)
 
 
 def _estimated_outcome(
@@ -182,7 +182,7 @@ def _estimated_outcome(
     evaluation = plain.equation.at(x, plain.solution.point).evaluate(x)
     return replace(
         outcome, x=x, evaluation=evaluation, at_bound=found.at_bound, stated=found.stated,
-        message=found.message, converged=True, refined=True, unrest=None,
+        facts=(found.fact,), converged=True, refined=True, unrest=None,
         explained=found.at_noise, in_motion=of_motion, first_phase=found.first_phase,
     )  # fmt: skip
 
@@ -209,15 +209,15 @@ def _result(
     lagging = not outcome.refined and not plain.observer.zero_phase
     if outcome.converged and not outcome.given and not lagging and (unrest := unexplained(found.own)):
         outcome = replace(outcome, converged=False, unrest=unrest)
-    message = outcome.message
+    facts = list(outcome.facts)
     if not outcome.converged and not report.stopped and outcome.unrest is not None:
-        message += f"; {why_not(outcome.unrest, layout, estimates, found.own)}"
+        facts += why_not(outcome.unrest, layout, estimates, found.own)
     if lagging and far_above_noise(found.own).any():
         # the intervals do not include the error of a lagging observer
         estimates = tuple(
             replace(p, identifiable="weak") if p.identifiable == "yes" else p for p in estimates
         )
-        message += "; the residual is far above the noise: this observer's own error is not in the intervals"
+        facts.append(Fact("observer-lags", "odd"))
     return Identification(
         set_name=measurements.name,
         observer_name=plain.observer.name,
@@ -239,7 +239,7 @@ def _result(
         chance=known.chance.matrix,
         parameter_names=report.names,
         residuals=found.series,
-        message=message,
+        facts=tuple(facts),
         link_side=link_side_checks(
             measurements,
             x[layout.inertial].reshape(-1, 10),

@@ -237,7 +237,7 @@ def _attempt(
         if near is not None:
             x[layout.effect_start :] = near[layout.effect_start :]
         x[layout.compliance] /= factor
-        report.stage = f"fit from {factor:g} times the stiffness"
+        report.stage = f"fit, stiffness × {factor:g}"
         last = descend(x, after=last.point)
         if last.converged or last.evaluation.residual.var() < solution.evaluation.residual.var():
             solution = last

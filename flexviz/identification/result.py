@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from flexviz.facts import Fact
 from flexviz.fields import Floats
 from flexviz.identification.plots import IdentificationPlots
 from flexviz.iteration import Iteration
 from flexviz.model import FlexibleModel
 from flexviz.observers import EsoGains, Observer, make_observer
-from flexviz.records import Combination, GainsEntry, ObserverEntry, ParameterEstimate, ResidualSummary
+from flexviz.records import (
+    Combination,
+    GainsEntry,
+    ObserverEntry,
+    ParameterEstimate,
+    ResidualSummary,
+    stated_errors,
+)
 from flexviz.results import (
     DataFrame,
     FitFields,
@@ -23,7 +32,6 @@ from flexviz.results import (
     shared_fields,
     torque_side,
 )
-from flexviz.wording import stated_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +73,8 @@ class Identification(FitFields):
         parameter_names: "izz:joint1".
         residuals: group name → residual over time, with the fit's own observer.
         gains: of the extended-state observer, if set by hand, at its (first joint's) bandwidth.
+        facts: how it ended, then what keeps it from more.
+        condition_number: of the column-scaled weighted Jacobian over base and joint parameters.
     """
 
     set_name: str
@@ -82,6 +92,13 @@ class Identification(FitFields):
     residuals: dict[str, ResidualSeries]
     gains: EsoGains | None = None
     chance: Floats | None = None
+    facts: tuple[Fact, ...] = ()
+    condition_number: float = math.nan
+
+    @property
+    def message(self) -> str:
+        """The facts in words."""
+        return "; ".join(fact.text for fact in self.facts)
 
     @property
     def chance_covariance(self) -> Floats:
@@ -115,10 +132,8 @@ class Identification(FitFields):
 
     def __repr__(self) -> str:
         state = "stopped" if self.stopped else "converged" if self.converged else "not converged"
-        error = stated_errors(self.residual, self.residual.torque_spread).whole()
-        return (
-            f"<Identification of {self.set_name}: {state}, {len(self.parameters)} parameters, error {error}>"
-        )
+        error, count = stated_errors(self.residual, self.residual.torque_spread), len(self.parameters)
+        return f"<Identification of {self.set_name}: {state}, {count} parameters, error {error}>"
 
     def summary(self, width: int = 140) -> str:
         """Parameters, inertial combinations and residuals as text."""
@@ -153,6 +168,8 @@ class Identification(FitFields):
             base_parameters=self.combinations,
             residual=self.residual,
             torque_side=torque_side(self.parameters),
+            message=self.message,
+            condition_number=self.condition_number,
             **shared_fields(self, FitFields),
             **curve_entries(self.parameters),
         )

@@ -6,10 +6,10 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.effects import EFFECTS
-from flexviz.equation import INERTIAL_NAMES, Layout
+from flexviz.equation import Layout
 from flexviz.estimation import BaseParameters, Covariance, Prior
 from flexviz.identification.thresholds import IDENTIFICATION, IdentificationThresholds
-from flexviz.model import INERTIAL_UNITS
+from flexviz.model import INERTIAL_NAMES, INERTIAL_UNITS
 from flexviz.records import Combination, Grade, ParameterEstimate
 from flexviz.statistics import NORMAL_95
 from flexviz.units import joint_unit

@@ -10,12 +10,12 @@ import numpy as np
 
 from flexviz.arrays import Array, Bools
 from flexviz.errors import InputError
+from flexviz.facts import Fact
 from flexviz.measurements import Group, MeasurementSet, row_name
 from flexviz.noise.group_noise import GroupNoise, group_noise
 from flexviz.noise.thresholds import THRESHOLDS
-from flexviz.records import Note
 from flexviz.robot import Robot
-from flexviz.wording import noise_text, number
+from flexviz.wording import number
 
 POSES = 5  # at which a joint's inertia is taken
 
@@ -45,11 +45,11 @@ def check_signals(measurements: MeasurementSet, groups: Sequence[Group] | None =
     return tuple(pooled.shares().tolist())
 
 
-def noise_notes(measurements: MeasurementSet) -> list[Note]:
-    """A note on the joints whose torque is noise in part; raises as `check_signals` does."""
+def noise_notes(measurements: MeasurementSet) -> list[Fact]:
+    """A fact on the joints whose torque is noise in part; raises as `check_signals` does."""
     shares = zip(measurements.joints, check_signals(measurements), strict=True)
     large = {joint: share for joint, share in shares if share > THRESHOLDS.noticeable}
-    return [Note("noise", noise_text(large))] if large else []
+    return [Fact("noise", "odd", tuple(large), values={"shares": tuple(large.values())})] if large else []
 
 
 def _refuse_faults(group: Group, noise: GroupNoise) -> None:

@@ -23,8 +23,8 @@ from flexviz.recording.files import hidden
 from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
-from flexviz.records import ObserverEntry
-from flexviz.wording import JointErrors, as_markdown, markdown_table, number, total_rms
+from flexviz.records import JointErrors, ObserverEntry, total_rms
+from flexviz.wording import as_markdown, error_whole, markdown_table, number
 
 SCALARS = "Scalars:scalars"
 FRAMES = ("Transform3D:child_frame", "Transform3D:parent_frame", "CoordinateFrame:frame")
@@ -122,11 +122,9 @@ def _told(recording: Recording, name: str) -> str:
     """The same in per cent of the torque and in Nm."""
     residual = recording.result.get("residual", {})
     rms = residual.get(name)
-    return (
-        "–"
-        if rms is None
-        else JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ())).whole()
-    )
+    if rms is None:
+        return "–"
+    return error_whole(JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ())))
 
 
 def _float(value: float | None) -> float:

@@ -11,12 +11,13 @@ from flexviz.identification import Identification
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.mounting import mounting_text
 from flexviz.recording.optimiser import Solve
+from flexviz.records import JointErrors
 from flexviz.results import markdown
 from flexviz.scene import RobotMotion
 from flexviz.wording import (
-    JointErrors,
     as_markdown,
     effect_text_name,
+    error_whole,
     markdown_table,
     share_text,
     span_text,
@@ -61,7 +62,7 @@ def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses:
 
 def _told(rms: Sequence[float] | None, result: Identification) -> str:
     of = result.residual
-    return JointErrors(rms, of.torque_spread, (), of.units).whole() if rms else "–"
+    return error_whole(JointErrors(rms, of.torque_spread, (), of.units)) if rms else "–"
 
 
 def result_text(result: Identification, count: int, label: str) -> str:

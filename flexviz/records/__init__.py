@@ -12,7 +12,16 @@ from flexviz.records.entries import (
     TorqueEntry,
 )
 from flexviz.records.findings import Absorbed, CandidateEffect, Family, FoundEffect, Tie
-from flexviz.records.notes import DetectionLimit, Grade, LimitReason, Note, NoteKind, Verdict
+from flexviz.records.joint_errors import (
+    PERCENT,
+    TORQUE,
+    JointErrors,
+    mean_nrms,
+    normalised,
+    stated_errors,
+    total_rms,
+)
+from flexviz.records.notes import NOTE_KINDS, DetectionLimit, Grade, LimitReason, Note, NoteKind, Verdict
 from flexviz.records.parameters import (
     NOT_DETERMINED,
     Combination,
@@ -22,10 +31,15 @@ from flexviz.records.parameters import (
     ParameterEstimate,
     is_determined,
 )
+from flexviz.records.protocols import DiagnosisLike, ErrorsLike
+from flexviz.records.shares import FindingKey, finding_key, found_shares, step_shares
 from flexviz.records.trace import Decoys, Move
 
 __all__ = [
+    "NOTE_KINDS",
     "NOT_DETERMINED",
+    "PERCENT",
+    "TORQUE",
     "Absorbed",
     "CandidateEffect",
     "Combination",
@@ -33,15 +47,19 @@ __all__ = [
     "CurveTable",
     "Decoys",
     "DetectionLimit",
+    "DiagnosisLike",
     "EffectEntry",
     "EffectParameter",
+    "ErrorsLike",
     "Family",
+    "FindingKey",
     "FoundEffect",
     "FreeCurve",
     "GainsEntry",
     "Grade",
     "GroupError",
     "Interval",
+    "JointErrors",
     "LimitReason",
     "ModelEntry",
     "Move",
@@ -58,5 +76,12 @@ __all__ = [
     "TorqueEntry",
     "Verdict",
     "curve_tables",
+    "finding_key",
+    "found_shares",
     "is_determined",
+    "mean_nrms",
+    "normalised",
+    "stated_errors",
+    "step_shares",
+    "total_rms",
 ]

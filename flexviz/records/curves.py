@@ -14,13 +14,14 @@ from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from flexviz.effects import CURVES, FREE_CURVE_DIRECTIONS, CurveForm, curve_points, free_curve, simple_form
-from flexviz.fields import RECORD, Column, Counts, Real, Rows, check_lengths
+from flexviz.facts import Fact
+from flexviz.fields import RECORD, Column, Counts, Real, Rows, Said, check_lengths
 from flexviz.records.parameters import ParameterEstimate
 from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
 
-FREE_CURVE_NOTE = "fitted to the residual, not physics: it shows where, not why"
+NOT_PHYSICS = Fact("curve-not-physics")
 
 
 @dataclass(frozen=True, config=RECORD)
@@ -80,7 +81,7 @@ class FreeCurve:
         std: shape (S, M), its standard error [Nm].
         explained, explained_std: share of the joint's residual predicted out of sample; its standard error.
         smoothing: variance of an independent sample, relative to which the curve's prior counts [Nm²].
-        form: the simple law that the curve resembles, in words; empty if there is none.
+        form: the simple law that the curve resembles; "" if there is none.
     """
 
     joint: str
@@ -93,8 +94,8 @@ class FreeCurve:
     explained: Real
     explained_std: Real
     smoothing: Real
-    note: str = FREE_CURVE_NOTE
-    form: str = ""
+    note: Said = NOT_PHYSICS
+    form: Said = ""
 
     @property
     def certain(self) -> bool:
@@ -123,7 +124,7 @@ class CurveTable:
         directions: names of the S curves: forward and backward, or "" for a single one.
         at: shape (M,), nodes, in the `unit` of the variable.
         value, std: shape (S, M), torque and its standard error [Nm]; NaN where unknown.
-        form: the simple law that the curve resembles, in words; empty if there is none.
+        form: the simple law that the curve resembles; "" if there is none.
     """
 
     effect: str
@@ -134,7 +135,7 @@ class CurveTable:
     at: Column
     value: Rows
     std: Rows
-    form: Annotated[str, Field(exclude_if=operator.not_)] = ""
+    form: Annotated[Said, Field(exclude_if=operator.not_)] = ""
 
     @model_validator(mode="after")
     def _per_node(self) -> Self:
@@ -178,5 +179,5 @@ def curve_tables(parameters: Iterable[ParameterEstimate]) -> list[CurveTable]:
             curve.node_places(values), curve.node_values(values), np.where(np.isfinite(std), std, np.nan),
         )  # fmt: skip
         form = table.simple_form()
-        out.append(replace(table, form=form.text) if form else table)
+        out.append(replace(table, form=form.fact) if form else table)
     return out

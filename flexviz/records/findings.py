@@ -9,7 +9,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from flexviz.effects import free_curve
-from flexviz.fields import RECORD, Number, Real, is_none
+from flexviz.fields import RECORD, Number, Real, Said, is_none
 from flexviz.model import EffectValue
 from flexviz.records.parameters import EffectParameter
 
@@ -20,13 +20,13 @@ class Tie:
 
     Attributes:
         correlation: of the two signatures, after projecting out the model's own parameters.
-        breaks: sentence naming the motion or payload in which the two differ most; may be empty.
+        breaks: the motion or payload in which the two differ most; "" if unknown.
     """
 
     effect: str
     joint: str | None
     correlation: Number
-    breaks: Annotated[str, Field(alias="would_separate")] = ""
+    breaks: Annotated[Said, Field(alias="would_separate")] = ""
 
 
 @dataclass(frozen=True, config=RECORD)
@@ -73,7 +73,7 @@ class FoundEffect:
         absorbed: parameters that absorbed the effect before, the largest change first.
         family: the family of effects that it belongs to; None if it belongs to none.
         share: of the held-out mean squared error, relative to each joint's torque, that it removes in the
-            order in which the effects are added (`flexviz.wording.step_shares`); None if unknown.
+            order in which the effects are added (`flexviz.records.step_shares`); None if unknown.
     """
 
     effect: str

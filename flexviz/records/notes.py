@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass as record
@@ -31,11 +31,12 @@ NoteKind = Literal[
     "noise",
     "other",
 ]
+NOTE_KINDS: dict[str, NoteKind] = {kind: kind for kind in get_args(NoteKind)}
 
 
 @dataclass(frozen=True)
 class Note:
-    """A remark on a diagnosis in one sentence.
+    """A fact that accompanies a diagnosis, in the words of a document.
 
     Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
     reversals), "unexplained" (remaining error), "changing" (the size of an effect changes with time),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic.dataclasses import dataclass
 
-from flexviz.fields import RECORD, Real
+from flexviz.fields import RECORD, Real, Said
 
 
 @dataclass(frozen=True, config=RECORD)
@@ -17,7 +17,7 @@ class Move:
         delta: decrease of the objective [nats].
         error: 0; in documents of earlier versions, the standard error of `delta` [nats].
         resolution: "coarse" or "fine".
-        why: why it was not accepted, in words; "" if it was.
+        why: why it was not accepted; "" if it was.
     """
 
     kind: str
@@ -27,7 +27,7 @@ class Move:
     error: Real
     accepted: bool
     resolution: str
-    why: str = ""
+    why: Said = ""
 
 
 @dataclass(frozen=True, config=RECORD)

@@ -12,9 +12,9 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.model import FlexibleModel
-from flexviz.records import ParameterEstimate
+from flexviz.records import ParameterEstimate, found_shares, step_shares
 from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
-from flexviz.wording import MergedFinding, found_shares, merged_findings, merged_texts, step_shares, text_runs
+from flexviz.wording import MergedFinding, merged_findings, merged_texts, text_runs
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from flexviz.report.blocks import Picture
 from flexviz.report.content import ReportContent
 from flexviz.scene import RobotShape, lean_shape, robot_shape, scene_layout
 from flexviz.view import LinkColours, link_colours
-from flexviz.wording import escape, number
+from flexviz.wording import error_text, escape, number
 
 FACES = 300  # of a link
 SIZE = (420, 250)  # [px] of the picture of one robot or two
@@ -43,7 +43,7 @@ def robot_picture(content: ReportContent, group: str) -> Picture | None:
     for k, (one, name) in enumerate(zip(colours, names, strict=True)):
         at = np.array([(k + 0.5) * pitch, middle])
         parts += faces(shape, poses, layout.axes, layout.centre, scale, at, one)
-        label = escape(f"{name}: {one.errors.text()}" if name else one.errors.text())
+        label = escape(f"{name}: {error_text(one.errors)}" if name else error_text(one.errors))
         parts.append(f'<text x="{at[0]:g}" y="16" text-anchor="middle">{label}</text>')
     told = "Links are coloured by their joint's error"
     told += ", before and after." if len(chosen) > 1 else "."

@@ -6,19 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 from flexviz.measurements import TorqueSide
-from flexviz.records import ParameterEstimate, ResidualSummary
+from flexviz.model import INERTIAL_NAMES
+from flexviz.records import JointErrors, ParameterEstimate, ResidualSummary, normalised
 from flexviz.results.fields import ResultFields
-from flexviz.wording import (
-    INERTIAL,
-    JointErrors,
-    listed,
-    noise_text,
-    normalised,
-    number,
-    percent,
-    plain_name,
-    plural,
-)
+from flexviz.wording import error_short, error_whole, listed, noise_text, number, percent, plain_name, plural
 
 GOOD_SHARE = 0.1  # error or noise of a joint up to which it is good, relative to the spread of its torque
 FAR_FROM_NOISE = 3.0  # of an error to the noise, from which the model lacks something ...
@@ -61,7 +52,7 @@ def assessment(result: ResultFields) -> str:
 
 def something_determined(result: ResultFields) -> bool:
     """Whether the data determine any value of the model; without one, its error says nothing of them."""
-    own = (p for p in result.all_parameters if p.name not in INERTIAL and not p.at_bound)
+    own = (p for p in result.all_parameters if p.name not in INERTIAL_NAMES and not p.at_bound)
     return any(one.identifiable != "no" for one in (*own, *result.base_parameters))
 
 
@@ -169,7 +160,8 @@ def _far(residual: ResidualSummary, rms: Sequence[float]) -> str:
         noise, share = residual.noise_floor[j], errors.shares[j] / 100
         if errors.mark is not None and rms[j] > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE:
             joint = residual.joints[j]
-            return f"The error of {joint} is {errors.whole(j)}, far above the noise of {errors.mark.short(j)}"
+            noise_too = error_short(errors.mark, j)
+            return f"The error of {joint} is {error_whole(errors, j)}, far above the noise of {noise_too}"
     return ""
 
 

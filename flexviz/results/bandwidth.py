@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from pydantic.dataclasses import dataclass
 
+from flexviz.facts import Fact
 from flexviz.fields import RECORD, Column, Flags, Real, Rows
 
 
@@ -64,22 +67,22 @@ class BandwidthCheck:
         """Parameters that leave their interval, the largest change first."""
         return tuple(sorted((p for p in self.parameters if not p.trusted), key=lambda p: -p.moved))
 
-    def texts(self) -> tuple[str, ...]:
-        """One sentence per joint with observer error and per untrusted parameter."""
-        low, high = self.bandwidths[0], self.bandwidths[-1]
-        joints = (
-            f"{self.joints[j]}: the residual changes by up to {self.change[:, j].max():.3g} Nm between "
-            f"bandwidths of {low:.3g} and {high:.3g} rad/s: part of it is observer error, not physics"
-            for j in np.flatnonzero(self.observer_error)
-        )
-        places = (", ".join(filter(None, (p.joint, p.place))) for p in self.untrusted)
-        parameters = (
-            f"{p.name}{place and f' ({place})'} changes with the bandwidth between "
-            f"{np.nanmin(p.values):.4g} and {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
-            "errors: not to be trusted"
-            for p, place in zip(self.untrusted, places, strict=True)
-        )
-        return (*joints, *parameters)
+    def facts(self) -> Iterator[Fact]:
+        """One per joint with observer error, and one per untrusted parameter."""
+        between = {"bandwidths": (float(self.bandwidths[0]), float(self.bandwidths[-1]))}
+        for j in np.flatnonzero(self.observer_error):
+            changes = between | {"change": float(self.change[:, j].max())}
+            yield Fact("bandwidth", "odd", (self.joints[j],), values=changes)
+        for p in self.untrusted:
+            values = {
+                "parameter": p.name,
+                "places": tuple(filter(None, (p.joint, p.place))),
+                "least": float(np.nanmin(p.values)),
+                "most": float(np.nanmax(p.values)),
+                "unit": p.unit,
+                "moved": float(p.moved),
+            }
+            yield Fact("bandwidth", "odd", (p.joint,) if p.joint else (), values=values)
 
 
 @dataclass(frozen=True, eq=False, config=RECORD)
@@ -112,6 +115,5 @@ class GuardEntry:
             GuardJointEntry(name, check.rms[:, j], check.change[:, j], noise, bool(check.observer_error[j]))
             for j, name in enumerate(check.joints)
         )
-        return GuardEntry(
-            check.observer, check.bandwidths, check.in_use, joints, check.parameters, check.texts()
-        )
+        texts = tuple(fact.text for fact in check.facts())
+        return GuardEntry(check.observer, check.bandwidths, check.in_use, joints, check.parameters, texts)

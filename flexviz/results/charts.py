@@ -11,7 +11,7 @@ import numpy as np
 from flexviz import wording
 from flexviz.arrays import Array
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart, time_chart
-from flexviz.records import StepEntry
+from flexviz.records import JointErrors, StepEntry, stated_errors
 
 HELD_OUT = "validation"
 MAX_GROUPS = 10  # drawn
@@ -32,13 +32,13 @@ def staircase_chart(
 ) -> Chart:
     """The error after each added effect, of one joint or over all (None); `ticks` name the steps.
 
-    In the unit of `wording.JointErrors`; `spread` of the torque, shape (n,) [Nm]. The noise of the recording
+    In the unit of `records.JointErrors`; `spread` of the torque, shape (n,) [Nm]. The noise of the recording
     is one line for all models. Steps that add a free curve are hatched: `hatched`, by default those whose
     step says so.
     """
     if hatched is None:
         hatched = [k for k, step in enumerate(steps) if step.added is not None and step.added.stopgap]
-    x, last = np.arange(float(len(steps))), wording.stated_errors(steps[-1], spread)
+    x, last = np.arange(float(len(steps))), stated_errors(steps[-1], spread)
     unit = last.unit
     errors = step_errors(steps, joint, spread)
     bright = COLOURS.series[:6]
@@ -98,11 +98,11 @@ def step_errors(
 ) -> dict[str, tuple[list[float], bool]]:
     """Name -> (error at each step, held out?) of every group; fit and validation if groups are unknown.
 
-    Of one joint or over all (None), in the unit of `wording.JointErrors`.
+    Of one joint or over all (None), in the unit of `records.JointErrors`.
     """
 
     def value(row: Sequence[float]) -> float:
-        return wording.JointErrors(row, spread).of(joint)
+        return JointErrors(row, spread).of(joint)
 
     if all(step.groups for step in steps):
         names = [(one.name, one.validation) for one in steps[-1].groups]

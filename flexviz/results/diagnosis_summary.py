@@ -10,7 +10,15 @@ from rich.table import Table
 from flexviz import wording
 from flexviz.effects import free_curve
 from flexviz.model import EffectValue
-from flexviz.records import CandidateEffect, EffectEntry, FoundEffect, StepEntry
+from flexviz.records import (
+    CandidateEffect,
+    EffectEntry,
+    FoundEffect,
+    JointErrors,
+    StepEntry,
+    finding_key,
+    found_shares,
+)
 from flexviz.results.assessment import hints
 from flexviz.results.fields import ResultFields
 from flexviz.results.tables import fold, in_ascii, plain_table
@@ -27,7 +35,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     spread = result.torque.spread if result.torque is not None else []
     worst, left_over = wording.what_stays(joints, last, spread)
     out: list[Table | str] = [wording.verdict_text(result, joints=joints, worst=worst)]
-    candidates = wording.merged_findings(result.candidates, wording.found_shares(result))
+    candidates = wording.merged_findings(result.candidates, found_shares(result))
     for rank, merged in enumerate(candidates, 1):
         out += candidate_lines(rank, merged, joints)
     out += added_lines(result)
@@ -83,11 +91,11 @@ def added_lines(result: ResultFields) -> Iterator[str]:
         if curve.form
     }
     later = [step.added for step in result.steps if step.added is not None]
-    shares = wording.found_shares(result)
-    for added in sorted(later, key=lambda one: -shares.get(wording.finding_key(one), 0.0)):
+    shares = found_shares(result)
+    for added in sorted(later, key=lambda one: -shares.get(finding_key(one), 0.0)):
         if (key(added), added.confidence) not in listed:
             found = f": {values(last[key(added)])}" if key(added) in last else ""
-            share = shares.get(wording.finding_key(added))
+            share = shares.get(finding_key(added))
             less = f"; removes {wording.share_text(share)} of the error" if share is not None else ""
             sure = f"; confidence {wording.confidence_of(added):.2f}" if not added.stopgap else ""
             form = in_ascii(forms.get((added.effect, added.joint), ""))
@@ -170,16 +178,16 @@ def trace_lines(result: ResultFields, joints: Sequence[str]) -> list[str]:
 def steps_parts(
     result: ResultFields, joints: Sequence[str], spread: Sequence[float], width: int
 ) -> list[Table | str]:
-    """Errors per joint after each added kind of effect, in the unit of `wording.JointErrors`.
+    """Errors per joint after each added kind of effect, in the unit of `records.JointErrors`.
 
     Where the table would be too wide, the models are numbered and their names precede it; where it still is,
     joints become rows.
     """
     held_out = all(step.rms_validation for step in result.steps)
 
-    def error(step: StepEntry) -> wording.JointErrors:
+    def error(step: StepEntry) -> JointErrors:
         rms = step.rms_validation if held_out and step.rms_validation else step.rms
-        return wording.JointErrors(rms, spread, step.noise_floor, step.units)
+        return JointErrors(rms, spread, step.noise_floor, step.units)
 
     def cells(values: Sequence[float]) -> list[str]:
         return [wording.number(value, 2 if narrow else 3) for value in values]

@@ -16,7 +16,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from flexviz.errors import InputError
-from flexviz.records import Note, ParameterEstimate, curve_tables
+from flexviz.facts import Fact
+from flexviz.records import NOTE_KINDS, Note, ParameterEstimate, curve_tables
 from flexviz.results.fields import EveryResult, ResultFields
 from flexviz.results.frame import DataFrame, parameter_frame
 from flexviz.results.lookup import find_parameter
@@ -68,9 +69,9 @@ def shared_fields(result: EveryResult, kind: type[EveryResult]) -> dict[str, Any
     return {field.name: getattr(result, field.name) for field in fields(kind)}
 
 
-def note_entries(notes: Iterable[Note]) -> dict[str, Any]:
-    """Both forms of a document's notes."""
-    notes = list(notes)
+def note_entries(facts: Iterable[Fact]) -> dict[str, Any]:
+    """Both forms of a document's notes, in words; kinds that documents do not know are "other"."""
+    notes = [Note(NOTE_KINDS.get(fact.kind, "other"), fact.text) for fact in facts]
     return {"notes": [note.text for note in notes], "typed_notes": notes}
 
 

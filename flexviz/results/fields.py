@@ -57,15 +57,11 @@ class FitFields(EveryResult):
         refined: whether the instrumental-variables refinement has run.
         validation_groups: names.
         converged: how it ended.
-        message: one sentence on the outcome.
-        condition_number: of the column-scaled weighted Jacobian over base and joint parameters.
     """
 
     refined: bool = False
     validation_groups: tuple[str, ...] = ()
     converged: bool = True
-    message: str = ""
-    condition_number: Real = math.nan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,6 +94,8 @@ class ResultFields(BaseModel, FitFields, DiagnosisFields, frozen=True):
 
     model_config = ConfigDict(extra="ignore", defer_build=True)
 
+    message: str = ""
+    condition_number: Real = math.nan
     format: Literal[1]
     set: str
     set_sha256: str | None = None

@@ -10,24 +10,14 @@ from rich.console import Console
 from rich.table import Table
 
 from flexviz.effects import free_curve
-from flexviz.records import Combination, CurveTable, ParameterEstimate, ResidualSummary
+from flexviz.records import PERCENT, Combination, CurveTable, JointErrors, ParameterEstimate, ResidualSummary
 from flexviz.results.assessment import assessment
 from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.fields import ResultFields
 from flexviz.results.link_side import LinkSide
 from flexviz.results.tables import fold, in_ascii, interval, plain_table
 from flexviz.units import unit_of_all
-from flexviz.wording import (
-    PERCENT,
-    JointErrors,
-    as_markdown,
-    effect_title,
-    escape,
-    estimate_cells,
-    markdown_table,
-    number,
-    told,
-)
+from flexviz.wording import as_markdown, effect_title, escape, estimate_cells, markdown_table, number, told
 
 WIDE = 110  # columns from which a table has room for ties between parameters
 WIDEST = 130  # … and for the words "not determined"

@@ -14,7 +14,7 @@ from flexviz.limits import read_json
 from flexviz.measurements import FILE_NAME, FileHash, Fingerprint, MeasurementSet, fingerprint
 
 SESSION_FILE = "session.json"
-FORMAT = 5
+FORMAT = 6
 OLD_ARRAYS = "session.npz"  # of format 1
 HERE = "."
 
@@ -159,11 +159,30 @@ def _settings(values: Document) -> Document:
     return values | {"fit": fit}
 
 
+def with_facts(value: Any) -> Any:
+    """Sentences of an identification and of a diagnosis as facts, which have nothing but these sentences."""
+    if isinstance(value, list):
+        return [with_facts(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    new = {key: with_facts(item) for key, item in value.items()}
+    if "parameter_names" in new and "message" in new:
+        new["facts"] = [_in_words("as-written", new.pop("message"))]
+    if "findings" in new and "notes" in new:
+        new["notes"] = [_in_words(note["kind"], note["text"]) for note in new["notes"]]
+    return new
+
+
+def _in_words(kind: str, text: str) -> Document:
+    return {"kind": kind, "values": {"text": text}}
+
+
 MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {
     1: from_1,
     2: lambda document, _: renamed(document) | {"format": 3},  # other class names, notes as plain sentences
     3: lambda document, _: document | {"format": 4},  # no gains set by hand, which have a default
     4: lambda document, _: with_fits(untagged(document)) | {"format": 5},
+    5: lambda document, _: with_facts(document) | {"format": 6},
 }
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from flexviz.diagnosis import Diagnosis
+from flexviz.records import finding_key, found_shares
 from flexviz.session.state import Analysis, ModelStep, Session
-from flexviz.wording import finding_key, found_shares, text_runs, tied_families
+from flexviz.wording import text_runs, tied_families
 
 OF_THE_FINAL_MODEL: dict[str, Any] = {
     "maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": (),

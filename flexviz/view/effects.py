@@ -182,7 +182,7 @@ def so_far_html(best: BestSoFar | None, running: bool) -> str:
     """The best model of a search that runs or was stopped: not yet a verdict."""
     if best is None:
         return ""
-    text = best.running if running else best.stopped
+    text = (best.running if running else best.stopped).text
     return f'<div class="fv fv-so-far">{escape(text[:1].upper() + text[1:])}</div>'
 
 

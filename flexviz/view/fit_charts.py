@@ -22,8 +22,9 @@ from flexviz.charts import (
 )
 from flexviz.identification import Identification, SweepResult
 from flexviz.iteration import Iteration
+from flexviz.records import JointErrors
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import SYMBOLS, JointErrors, escape, number
+from flexviz.wording import SYMBOLS, escape, number
 
 MAX_PARAMETERS = 14  # drawn
 COST_SLACK = 1e-3  # relative rise of the cost that rounding and damping may cause within a stage

@@ -11,9 +11,10 @@ from flexviz.arrays import Array
 from flexviz.charts import COLOURS, cividis, css, gradient
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
+from flexviz.records import TORQUE, JointErrors, stated_errors
 from flexviz.scene import RobotMotion
 from flexviz.units import joint_unit, unit_of_all
-from flexviz.wording import TORQUE, JointErrors, escape, number, short_names, stated_errors
+from flexviz.wording import error_hover, error_whole, escape, number, short_names
 
 Errors = PredictionErrors | DiagnosisStep
 LEAST_END = 5.0  # times the noise: errors below are never drawn bright
@@ -99,7 +100,7 @@ def joints_html(
     rows = []
     for index, (name, full) in enumerate(zip(short_names(joints), joints, strict=True)):
         error = "–" if found is None else number(found.errors.values[index], 3)
-        tip = "" if found is None else f' title="{found.errors.hover(index)}"'
+        tip = "" if found is None else f' title="{error_hover(found.errors, index)}"'
         hatched = motion.determined is not None and not motion.determined[index]
         cells = [
             f'<td><span class="fv-box" data-fv-fade="{escape(full)} colour" '
@@ -119,7 +120,7 @@ def joints_html(
         if full in missing:
             texts.append(f"missing: {escape(missing[full])}")
         if found is not None:
-            texts.append(f"error {found.errors.whole(index)}")
+            texts.append(f"error {error_whole(found.errors, index)}")
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
         rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
     unit = "error" if found is None else f"error [{found.errors.unit.removesuffix(' of the torque')}]"

@@ -12,9 +12,9 @@ from flexviz.arrays import Array, Bools
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, rgb
 from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN, PredictionErrors, Step
 from flexviz.identification import Identification
-from flexviz.records import ResidualMap
+from flexviz.records import JointErrors, ResidualMap, stated_errors
 from flexviz.statistics import NORMAL_95
-from flexviz.wording import JointErrors, escape, number, short_names, stated_errors
+from flexviz.wording import error_hover, escape, number, short_names
 
 MAP_COLUMNS = {
     "position": "pos.",
@@ -264,7 +264,7 @@ def groups_html(
     cells = []
     for group in errors.groups[:MAX_GROUPS]:
         one = JointErrors(group.rms, spread, errors.noise_floor, errors.units)
-        tip = f'class="fv-joint fv-tip" title="{one.hover(joint)}"'
+        tip = f'class="fv-joint fv-tip" title="{error_hover(one, joint)}"'
         cells.append(f"<span {tip}>{escape(group.name)} <b>{number(one.of(joint), 3)}</b></span>")
     unit = stated_errors(errors, spread).unit
     return f'<div class="fv">Error of {escape(name)} [{unit}]: {", ".join(cells)}.</div>'

@@ -12,9 +12,10 @@ from flexviz import wording
 from flexviz.charts import Chart, no_chart
 from flexviz.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.effects import free_curve
-from flexviz.records import ParameterEstimate
+from flexviz.records import JointErrors, ParameterEstimate, stated_errors
 from flexviz.results import staircase_chart
 from flexviz.session import Analysis, ModelStep
+from flexviz.wording import error_hover, error_short
 
 NO_STEPS = (
     "The error of every group after each added effect appears here, with the noise of the recording: "
@@ -75,7 +76,7 @@ def name_with_error(name: str, errors: Step | PredictionErrors | None, spread: S
     """A name with the error over all joints, held out if known, as far as there are `errors`."""
     if errors is None:
         return name
-    return f"{name} ({wording.stated_errors(errors, spread).short()})"
+    return f"{name} ({error_short(stated_errors(errors, spread))})"
 
 
 def is_stopgap(text: str) -> bool:
@@ -126,7 +127,7 @@ def staircase_html(
     table.add_runs([run for run in runs if run.after >= placed])
     rows = table.rows
     last_step = next((run.errors for run in runs if run.shown), judged[len(model_steps) - 1])
-    stated = wording.stated_errors(last_step, spread)
+    stated = stated_errors(last_step, spread)
     if stated.mark is not None:
         floor = _error_cell(stated.mark)
         rows.append(f"<tr><td>noise</td>{floor}{floor}</tr>")
@@ -174,15 +175,15 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
     )
 
 
-def _judged(step: Step | PredictionErrors, spread: Sequence[float]) -> list[wording.JointErrors]:
+def _judged(step: Step | PredictionErrors, spread: Sequence[float]) -> list[JointErrors]:
     """Errors of the fitted and of the validation groups, as far as they are known."""
     rows = (row for row in (step.rms, step.rms_validation) if row)
-    return [wording.JointErrors(row, spread, step.noise_floor, step.units) for row in rows]
+    return [JointErrors(row, spread, step.noise_floor, step.units) for row in rows]
 
 
 def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, hatched: bool) -> str:
     """Bars from zero: fit above held out; the dotted line is the noise; of a free curve hatched."""
-    mark = wording.stated_errors(step, spread).mark
+    mark = stated_errors(step, spread).mark
     floor = math.nan if mark is None else mark.mean
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
     bars = "".join(
@@ -193,10 +194,10 @@ def _bars(step: Step | PredictionErrors, spread: Sequence[float], top: float, ha
     return f"<div {look}>{bars}{line}</div>"
 
 
-def _error_cell(errors: wording.JointErrors | None) -> str:
+def _error_cell(errors: JointErrors | None) -> str:
     if errors is None:
         return "<td>–</td>"
-    return f'<td title="{errors.hover()}">{wording.number(errors.mean, 3)}</td>'
+    return f'<td title="{error_hover(errors)}">{wording.number(errors.mean, 3)}</td>'
 
 
 def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate]) -> list[str]:

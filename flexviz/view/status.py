@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
+from flexviz.records import stated_errors
 from flexviz.session import Analysis, standing
 from flexviz.view.link_colours import LEAST_END
-from flexviz.wording import escape, number, stated_errors
+from flexviz.wording import error_hover, error_in_torque, error_short, escape, number
 
 OF_EARLIER = "of an earlier model"
 
@@ -60,11 +61,11 @@ def stated_error(
     found = stated_errors(errors, result.residual.torque_spread)
     if not found.rms or not all(map(math.isfinite, found.rms)):
         return "the model has no error to show", ""
-    text = f"{'fit' if found.rms is errors.rms else 'validation'} error {found.text()}"
+    text = f"{'fit' if found.rms is errors.rms else 'validation'} error {error_text(found)}"
     if len(found.rms) > 1:
         most = found.order[0]
-        text += f", most on {result.residual.joints[most]}: {found.short(most)}"
-    return f"{text}, {OF_EARLIER}" if earlier else text, found.hover()
+        text += f", most on {result.residual.joints[most]}: {error_short(found, most)}"
+    return f"{text}, {OF_EARLIER}" if earlier else text, error_hover(found)
 
 
 def error_text(
@@ -109,7 +110,7 @@ def wrong_html(
     if found.noise and found.rms[worst] < LEAST_END * found.noise[worst]:
         return ""
     share = found.shares[worst]
-    error = f"{number(share, 2)} %" if math.isfinite(share) else found.in_torque(worst)
+    error = f"{number(share, 2)} %" if math.isfinite(share) else error_in_torque(found, worst)
     return (
         f'<div class="fv fv-wrong" title="rms residual by the torque of that joint">This arm\'s model is '
         f"wrong by {error} on {escape(joints[worst])}. Find out why.</div>"

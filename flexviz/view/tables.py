@@ -9,22 +9,13 @@ from typing import Any
 
 from flexviz.identification import Identification
 from flexviz.measurements import MeasurementSet
+from flexviz.model import INERTIAL_NAMES
 from flexviz.mounting import mounting_text
 from flexviz.records import ParameterEstimate
 from flexviz.results import LinkSide
 from flexviz.statistics import NORMAL_95
 from flexviz.view.free_curves import physical
-from flexviz.wording import (
-    INERTIAL,
-    MARKS,
-    SYMBOLS,
-    escape,
-    estimate_cells,
-    number,
-    plain_name,
-    plural,
-    si_scale,
-)
+from flexviz.wording import MARKS, SYMBOLS, escape, estimate_cells, number, plain_name, plural, si_scale
 
 Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
 
@@ -58,8 +49,8 @@ def parameters_html(result: Identification | None, truth: Truth | None = None) -
     """The parameter table: start, value ± 95 %, unit, identifiable, tied to; the truth on request."""
     if result is None:
         return '<div class="fv fv-dim">The parameters appear here after Run.</div>'
-    main = [p for p in physical(result.parameters) if p.name not in INERTIAL]
-    inertial = [p for p in result.parameters if p.name in INERTIAL]
+    main = [p for p in physical(result.parameters) if p.name not in INERTIAL_NAMES]
+    inertial = [p for p in result.parameters if p.name in INERTIAL_NAMES]
     head = "<tr><th></th><th>start</th><th>value</th><th>± 95 %</th>"
     head += ("<th>truth</th>" if truth is not None else "") + "<th>unit</th><th>id.</th></tr>"
     encoders: dict[str | None, LinkSide] = {entry.joint: entry for entry in result.link_side}
@@ -181,7 +172,7 @@ def check_html(result: Identification | None) -> str:
     """
     if result is None:
         return ""
-    main = [p for p in result.parameters if p.name not in INERTIAL]
+    main = [p for p in result.parameters if p.name not in INERTIAL_NAMES]
     weak = [p for p in main if p.identifiable == "weak"]
     no = [p for p in main if p.identifiable == "no"]
     good = len(main) - len(weak) - len(no)

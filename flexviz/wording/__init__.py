@@ -10,18 +10,17 @@ from flexviz.wording.effects import (
     simulated_text,
 )
 from flexviz.wording.errors import (
-    PERCENT,
     SAID_AS_SHARES,
-    TORQUE,
-    JointErrors,
+    error_hover,
+    error_in_other,
+    error_in_torque,
+    error_short,
+    error_text,
+    error_whole,
     explained,
     left_text,
-    mean_nrms,
     noise_text,
-    normalised,
     percent,
-    stated_errors,
-    total_rms,
 )
 from flexviz.wording.estimates import (
     NOT_DETERMINED,
@@ -74,7 +73,6 @@ from flexviz.wording.merging import (
     tied_families,
 )
 from flexviz.wording.numbers import (
-    INERTIAL,
     MARKS,
     SYMBOLS,
     as_markdown,
@@ -93,8 +91,6 @@ from flexviz.wording.numbers import (
     temperature_text,
     unit_text,
 )
-from flexviz.wording.records import ErrorsLike
-from flexviz.wording.shares import finding_key, found_shares, step_shares
-from flexviz.wording.stages import STAGE_SHARES, SearchStage
+from flexviz.wording.topics.searching import separating_motion
 from flexviz.wording.trace import TRACE_TITLE, decoys_text, told_moves
 from flexviz.wording.verdicts import MOST_NAMED, limit_text, location, span_text, verdict_text, what_stays

@@ -26,12 +26,15 @@ def says(*kinds: str) -> Callable[[Sentence], Sentence]:
 
 
 def fact_text(fact: Fact) -> str:
-    """The sentence of a fact, without a full stop.
+    """The sentence of a fact, without a full stop; of one from a session of an older format the one it has.
 
     Raises:
         KeyError: no topic has words for its kind.
     """
-    if not SENTENCES:
+    written = fact.values.get("text")
+    if written is not None:
+        return written
+    if fact.kind not in SENTENCES:
         topics = import_module("flexviz.wording.topics")
         for topic in iter_modules(topics.__path__):
             import_module(f"{topics.__name__}.{topic.name}")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from flexviz.records import CandidateEffect, FoundEffect
+from flexviz.records import CandidateEffect, DiagnosisLike, FindingKey, FoundEffect, finding_key
 from flexviz.wording.findings import (
     UNTOLD,
     capitalised,
@@ -22,8 +22,6 @@ from flexviz.wording.findings import (
     tied_family,
 )
 from flexviz.wording.numbers import listed
-from flexviz.wording.records import DiagnosisLike
-from flexviz.wording.shares import FindingKey, finding_key
 
 LIKELY = 0.5  # confidence from which a finding is likelier than not: two of these are no rivals
 COUNTS = ("three", "four", "five", "six", "seven", "eight")

@@ -154,7 +154,6 @@ def plural(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 MARKS = {"yes": "●", "weak": "◐", "no": "○"}
 SYMBOLS = {
     "stiffness": "K",

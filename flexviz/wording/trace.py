@@ -101,7 +101,7 @@ def _told(moves: Sequence[Move], joints: Sequence[str], families: Families | Non
     delta, error = math.fsum(move.delta for move in moves), math.hypot(*(move.error for move in moves))
     shown = number(delta, 3) if error == 0 else " ± ".join(with_error(delta, error))
     resolutions = dict.fromkeys(move.resolution for move in moves)
-    return ToldMove(text, shown, first.accepted, listed(list(resolutions)), first.why)
+    return ToldMove(text, shown, first.accepted, listed(list(resolutions)), str(first.why))
 
 
 def _names(kind: str, texts: Sequence[str], joints: Sequence[str], families: Families | None) -> str:

@@ -6,13 +6,20 @@ import math
 from collections.abc import Sequence
 
 from flexviz.effects import free_curve
-from flexviz.records import DetectionLimit, FoundEffect, LimitReason, ResidualLocation, StepEntry
-from flexviz.wording.errors import left_text, percent, stated_errors
+from flexviz.records import (
+    DetectionLimit,
+    DiagnosisLike,
+    FoundEffect,
+    LimitReason,
+    ResidualLocation,
+    StepEntry,
+    found_shares,
+    stated_errors,
+)
+from flexviz.wording.errors import left_text, percent
 from flexviz.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
 from flexviz.wording.numbers import number, unit_text
-from flexviz.wording.records import DiagnosisLike
-from flexviz.wording.shares import found_shares
 
 BEGINNINGS = {
     "nothing-missing": "Nothing is missing:",

@@ -16,6 +16,7 @@ from flexviz.app.tasks import AddFreeCurve, Diagnose, DiagnosedSet, bandwidth_of
 from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
 from flexviz.errors import InputError
+from flexviz.records import found_shares
 from flexviz.session import Analysis, diagnosed_models
 from flexviz.view import (
     alone_html,
@@ -29,7 +30,7 @@ from flexviz.view import (
     worst_joint_so_far,
     wrong_html,
 )
-from flexviz.wording import MergedFinding, capitalised, found_shares, merged_findings, number, text_names
+from flexviz.wording import MergedFinding, capitalised, merged_findings, number, text_names
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -176,7 +177,7 @@ class DiagnoseStep(WorkflowStep):
         if draft is None:
             raise InputError("no effect can be drafted: there is no free curve that resembles a simple law")
         self.page.send_file(client, draft.name, draft.content.encode())
-        self.store.say(f"{draft.name} sent: {draft.form.text}; restart with --effects-from {draft.name}")
+        self.store.say(f"{draft.name} sent: {draft.form.fact}; restart with --effects-from {draft.name}")
 
     def _take_curve(self, before: Analysis, found: DiagnosedSet) -> None:
         store, added, result = self.store, found.diagnosis.steps[-1].added, found.identification

@@ -8,7 +8,7 @@ from dataclasses import replace
 from flexviz import wording
 from flexviz.diagnosis import Finding
 from flexviz.effects import EFFECTS, free_curve
-from flexviz.records import ResidualLocation, Tie
+from flexviz.records import ResidualLocation, Tie, found_shares
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.view import evidence_chart, law_chart, law_difference
@@ -18,7 +18,6 @@ MAX_ABSORBED = 4  # parameters named
 MAX_CANDIDATES = 4  # listed per model, effects of one kind together
 MAX_LOCATIONS = 4  # of unexplained residual
 MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
-MOST, MORE = "They differ most in ", ": record more data of this kind."  # around each of several motions
 REFUSED = 4  # refused moves in the table
 DECOYS = "candidates that cannot be right and compete in the same search, to estimate its false rate"
 FOLLOW = {
@@ -144,7 +143,7 @@ def _ranking(content: ReportContent) -> blocks.ReportTable | None:
     later = {text for one in content.rounds for text in one.added}
     for index, one in enumerate(content.rounds):
         found = (
-            wording.merged_findings(one.diagnosis.findings, wording.found_shares(one.diagnosis))
+            wording.merged_findings(one.diagnosis.findings, found_shares(one.diagnosis))
             if one.diagnosis
             else []
         )
@@ -221,7 +220,7 @@ def _ties(found: Sequence[Finding], joints: Sequence[str]) -> blocks.Block:
         if len(both) == 1:
             other = wording.effect_title(both[0][1].effect) + wording.where_text(both[0][1].joint)
         likeness = [min(abs(tie.correlation), 1.0) for _, tie in both]
-        texts = dict.fromkeys(tie.breaks.removeprefix(MOST).removesuffix(MORE) for _, tie in both)
+        texts = dict.fromkeys(wording.separating_motion(tie.breaks) for _, tie in both)
         decides = "; ".join(text for text in texts if text) or "no motion is known that distinguishes them"
         rows.append([_place(merged, joints), other, wording.share_text(min(likeness)), decides])
     head = ("found", "hard to tell from", "similarity", "distinguished by")

@@ -10,7 +10,7 @@ import numpy as np
 from flexviz import view
 from flexviz.charts import Chart
 from flexviz.diagnosis import Diagnosis, Step
-from flexviz.records import ResidualMap
+from flexviz.records import JointErrors, ResidualMap, stated_errors, total_rms
 from flexviz.report.blocks import (
     FIGURE_HEIGHT,
     SMALL_HEIGHT,
@@ -26,7 +26,7 @@ from flexviz.report.content import ReportContent
 from flexviz.report.robots import robot_picture
 from flexviz.report.sections.summary import fall
 from flexviz.robot import Robot
-from flexviz.wording import JointErrors, explained, number, stated_errors, text_names, total_rms
+from flexviz.wording import error_in_torque, error_short, error_whole, explained, number, text_names
 
 MAX_MODELS = 7  # columns per table
 
@@ -112,8 +112,8 @@ def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
             joint,
             *(number(errors[k].values[j], 3) for k in shown),
             explained(last.shares[j] / 100),
-            last.in_torque(j),
-            "–" if mark is None else mark.whole(j).replace("of the torque ", ""),
+            error_in_torque(last, j),
+            "–" if mark is None else error_whole(mark, j).replace("of the torque ", ""),
         ]
         for j, joint in enumerate(content.joints)
     ]
@@ -170,7 +170,7 @@ def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
     for j, joint in enumerate(content.joints):
         row: list[str | Cell] = [joint, "–"]
         if last is not None:
-            row[1] = stated_errors(last, content.spread).short(j)
+            row[1] = error_short(stated_errors(last, content.spread), j)
         for variable in view.MAP_COLUMNS:
             found = view.map_of(maps, joint, variable)
             if found is None or not np.isfinite(found.explained):

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
+from flexviz.model import INERTIAL_NAMES
 from flexviz.records import ParameterEstimate
 from flexviz.report import blocks
 from flexviz.report.content import ReportContent
 from flexviz.view import model_curve_charts, physical
 from flexviz.wording import (
-    INERTIAL,
     MARKS,
     determined,
     estimate_mark,
@@ -37,8 +37,8 @@ def parameters(content: ReportContent) -> blocks.Section | None:
     found = content.parameters
     if not found:
         return None
-    inertial = [p for p in found if p.name in INERTIAL]
-    main = [p for p in physical(found) if p.name not in INERTIAL]
+    inertial = [p for p in found if p.name in INERTIAL_NAMES]
+    main = [p for p in physical(found) if p.name not in INERTIAL_NAMES]
     return blocks.section(
         "Parameters",
         blocks.explanation(source(content)),
@@ -169,7 +169,7 @@ def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> block
     rows = []
     for joint in content.joints:
         row = [joint]
-        for name in INERTIAL:
+        for name in INERTIAL_NAMES:
             p = by_place.get((joint, name))
             row.append("–" if p is None else _inertial_text(p))
         rows.append(row)
@@ -198,7 +198,7 @@ def guard(content: ReportContent) -> blocks.Section | None:
             f"bandwidths from {low} to {high} rad/s. Changes with the bandwidth are observer error, not "
             "physics of the robot."
         ),
-        None if found.texts() else blocks.Paragraph(holds),
+        None if any(found.facts()) else blocks.Paragraph(holds),
         _residuals(found),
         _at_bandwidths(found) if found.parameters else None,
     )

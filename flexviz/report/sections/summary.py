@@ -7,9 +7,12 @@ from collections.abc import Sequence
 from flexviz import wording
 from flexviz.diagnosis import Step
 from flexviz.effects import free_curve
+from flexviz.model import INERTIAL_NAMES
+from flexviz.records import JointErrors, mean_nrms, stated_errors
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
 from flexviz.results import hints
+from flexviz.wording import error_in_torque, error_short, error_whole
 
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
 
@@ -71,7 +74,7 @@ def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
     if len(steps) < 2:
         return ""
     what = "error on held-out groups" if steps[0].rms_validation else "error"
-    before, after = (wording.stated_errors(step, spread).whole() for step in (steps[0], steps[-1]))
+    before, after = (error_whole(stated_errors(step, spread)) for step in (steps[0], steps[-1]))
     return f"The {what} went from {before} to {after}."
 
 
@@ -80,23 +83,23 @@ def numbers(content: ReportContent) -> list[Tile]:
     tiles: list[Tile] = []
     found = content.steps or content.identified
     ends = (found[0], found[-1])[-len(found) :] if found else ()
-    errors = [wording.stated_errors(one, content.spread) for one in ends]
+    errors = [stated_errors(one, content.spread) for one in ends]
     floor = found[-1].noise_floor if found else ()
     if errors:
         held_out = bool(found[-1].rms_validation)
-        shown = " → ".join(one.short() for one in errors)
-        rest = " → ".join(one.in_torque() for one in errors)
+        shown = " → ".join(error_short(one) for one in errors)
+        rest = " → ".join(error_in_torque(one) for one in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
         tiles.append(Tile("Error", shown, f"{errors[-1].unit}, mean of the joints; {groups}; {rest}"))
     if floor:
-        torque = wording.JointErrors(floor, (), (), found[-1].units).in_torque()
+        torque = error_in_torque(JointErrors(floor, (), (), found[-1].units))
         note = f"rms of the joints {torque}, of the sensors alone: the same for all models"
-        tiles.append(Tile("Noise", wording.percent(wording.mean_nrms(floor, content.spread)), note))
+        tiles.append(Tile("Noise", wording.percent(mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
     beside = f"in addition to {wording.plural(own, 'effect')} of the set" if own else ""
     effects = [text for text in content.analysis.effects if free_curve(text) is None]
     tiles.append(Tile("Effects added", str(len(effects)), beside))
-    main = [p for p in content.parameters if p.name not in wording.INERTIAL]
+    main = [p for p in content.parameters if p.name not in INERTIAL_NAMES]
     if main:
         good = sum(p.identifiable == "yes" for p in main)
         what = "parameters of joints and effects, without inertias"

@@ -5,9 +5,10 @@ from __future__ import annotations
 from flexviz import view
 from flexviz.diagnosis import torque_over_time
 from flexviz.errors import InputError
+from flexviz.records import stated_errors
 from flexviz.report.blocks import SMALL_HEIGHT, Figures, Section, explanation, section
 from flexviz.report.content import ReportContent
-from flexviz.wording import stated_errors
+from flexviz.wording import error_short, error_whole
 
 
 def torque(content: ReportContent) -> Section | None:
@@ -29,7 +30,7 @@ def torque(content: ReportContent) -> Section | None:
     if steps:
         errors = [stated_errors(step, content.spread) for step in steps]
         notes = [
-            f"Error {' → '.join([*(one.short(j) for one in errors[:-1]), errors[-1].whole(j)])}."
+            f"Error {' → '.join([*(error_short(e, j) for e in errors[:-1]), error_whole(errors[-1], j)])}."
             for j in range(len(content.joints))
         ]
     units = content.measurements.torque_units

@@ -1,11 +1,14 @@
-"""What texts read of a result, whether it is a diagnosis or a results document."""
+"""What is read of a result, whether it is a diagnosis or a results document."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Protocol
 
-from flexviz.records import CandidateEffect, DetectionLimit, Note, ResidualLocation, StepEntry
+from flexviz.records.curves import ResidualLocation
+from flexviz.records.entries import StepEntry
+from flexviz.records.findings import CandidateEffect
+from flexviz.records.notes import DetectionLimit
 
 
 class ErrorsLike(Protocol):
@@ -19,6 +22,15 @@ class ErrorsLike(Protocol):
     def noise_floor(self) -> Sequence[float]: ...
     @property
     def units(self) -> Sequence[str]: ...
+
+
+class NoteLike(Protocol):
+    """A fact, or a note of a document."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def text(self) -> str: ...
 
 
 class DiagnosisLike(Protocol):
@@ -35,7 +47,7 @@ class DiagnosisLike(Protocol):
     @property
     def where(self) -> Sequence[ResidualLocation]: ...
     @property
-    def typed_notes(self) -> Sequence[Note]: ...
+    def typed_notes(self) -> Sequence[NoteLike]: ...
     @property
     def stopped(self) -> bool: ...
     @property

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from flexviz.records import FoundEffect
-from flexviz.wording.errors import normalised
-from flexviz.wording.records import DiagnosisLike, ErrorsLike
+from flexviz.records.findings import FoundEffect
+from flexviz.records.joint_errors import normalised
+from flexviz.records.protocols import DiagnosisLike, ErrorsLike
 
 FindingKey = tuple[str, float | None]
 
