@@ -15,10 +15,11 @@ from pathlib import Path
 
 from benchmarks.command import command
 from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.stages import STAGE_SHARES
 from flexviz.measurements import read_set
 from flexviz.progress import Pace, Progress
-from flexviz.wording import STAGE_SHARES
 
+SHARES = {str(stage): shares for stage, shares in STAGE_SHARES.items()}
 SLACK = 1.0  # [s] by which a bound may be missed
 FIRST = 1 / 3  # share of the time before which nothing is judged
 CLOSE = 1.5  # ratio of middle and truth that counts as close
@@ -46,15 +47,15 @@ def main(sets: list[Path]) -> None:
         whole = news[-1][0]
         shares = {}
         for at, text in news:
-            if text in STAGE_SHARES:
+            if text in SHARES:
                 shares.setdefault(text, at / whole)
         print(f"{folder.name}: {whole:.0f} s")
         for text, share in shares.items():
-            low, high, _ = STAGE_SHARES[text]
+            low, high, _ = SHARES[text]
             unusual = "" if low <= share <= high else f", expected {low:.0%} to {high:.0%}"
             print(f"  {share:4.0%} {text}{unusual}")
         now = 0.0
-        pace = Pace(STAGE_SHARES, clock=lambda: now)  # noqa: B023, called at once
+        pace = Pace(SHARES, clock=lambda: now)  # noqa: B023, called at once
         for at, text in news:
             now = at
             rest = pace.news(text).rest

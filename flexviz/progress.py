@@ -131,7 +131,7 @@ class Pace:
 
     def __init__(
         self,
-        known: Mapping[Fact | str, tuple[float, float, float]],
+        known: Mapping[Any, tuple[float, float, float]],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._known, self._clock, self._began = known, clock, clock()

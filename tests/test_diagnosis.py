@@ -92,7 +92,7 @@ def test_the_best_model_so_far_is_told_early_and_kept_by_a_stop(diagnosed_demo: 
     news: list[Progress] = []
 
     def said() -> list[str]:
-        return list(dict.fromkeys(one.so_far.running for one in news if one.so_far is not None))
+        return list(dict.fromkeys(str(one.so_far.running) for one in news if one.so_far is not None))
 
     result = diagnose(
         read_set(sessions_dir() / "planar-2r-demo"),
@@ -152,8 +152,9 @@ def test_what_only_resembles_an_effect_is_not_found(tmp_path: Path) -> None:
     measurements, _ = set_with(lambda _: Uneven(1500.0, 0.4), 1, tmp_path / "set", 7)
     result = diagnose(measurements, apply=True)
     assert result.verdict == "unknown" and len(result.steps) == 1 and not result.findings
-    (place,) = (note.text for note in result.notes if note.kind == "place")
-    assert "in the transmission of joint2" in place and result.where[0].joint == "joint2"
+    (place,) = (note for note in result.notes if note.kind == "place")
+    assert place.joints == ("joint2",) and place.values["side"] == "transmission"
+    assert result.where[0].joint == "joint2"
 
 
 def test_candidates_respect_what_goes_with_what():

@@ -206,8 +206,9 @@ def test_what_tells_two_effects_apart_is_named(demo: Any) -> None:
     other[fast, 1] += rng.standard_normal(fast.sum())
     mine, other = (m.ravel() / np.linalg.norm(m) for m in (mine, other))
     effect = ChosenEffect("coulomb_friction", 1)
-    assert f"fast motion of {own.joints[1]}" in telling_motion(view, effect, mine, other)
-    assert "same" in telling_motion(view, effect, mine, mine)
+    differ = telling_motion(view, effect, mine, other)
+    assert (differ.joints, differ.values["motion"]) == (own.joints[1:], "fast")
+    assert telling_motion(view, effect, mine, mine).kind == "alike-in-all-motion"
 
 
 def test_errors_of_every_group_add_up(demo: Any, base: tuple[FitContext, Fit]) -> None:

@@ -64,11 +64,13 @@ def test_the_rest_falls_while_there_is_no_news() -> None:
 
 
 def test_without_a_terminal_each_stage_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    numbers = {"rms": (0.01,), "before": (0.03,), "spread": (1.0,), "units": ()}
+    best = BestSoFar(("joint1",), {"added": ("backlash:joint1",), "held_out": False} | numbers)
     with Reporter("reading") as report:
         report(Progress("scoring", 0.25, rest=(30.0, 30.0)))
         for text in ("a", "b"):
-            report(Progress(text, so_far=BestSoFar("Backlash on joint1", "error 3 % → 1 %")))
+            report(Progress(text, so_far=best))
         report(Progress("done in 40 s", 1.0))
-    best = "so far: Backlash on joint1 (being checked): error 3 % → 1 %"
+    told = "so far: Backlash on joint1 (being checked): fit error 3.00 % → 1.00 % of the torque (10.0 mNm)"
     said = capsys.readouterr().err.splitlines()
-    assert said == [" 25 % scoring, about 30 s left", best, "a", "b", "100 % done in 40 s"]
+    assert said == [" 25 % scoring, about 30 s left", told, "a", "b", "100 % done in 40 s"]

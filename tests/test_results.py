@@ -49,7 +49,7 @@ def test_a_diagnosis_holds_everything_that_was_found() -> None:
     (tie,) = document["candidates"][0]["inseparable_from"]
     assert tie["would_separate"].startswith("A payload twice as heavy")
     assert (
-        document["guard"]["texts"] == list(GUARD.texts())
+        document["guard"]["texts"] == [fact.text for fact in GUARD.facts()]
         and not document["guard"]["parameters"][1]["trusted"]
     )
     assert document["free_curve"]["variable"] == "velocity" and len(document["maps"]) == len(MAPS)

@@ -25,6 +25,7 @@ from flexviz.observers import FlatZeroPhase
 from flexviz.recording.texts import diagnosis_text
 from flexviz.robot import Robot
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
+from flexviz.statistics import NORMAL_95
 from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
 from tests.cases import slow
@@ -132,18 +133,18 @@ def test_a_shaken_link_is_said_to_be_shaken(tmp_path: Path) -> None:
     found = diagnose(measurements, apply=True)
     assert found.verdict == found.steps[-1].verdict == "unknown" and len(found.steps) == 1
     assert found.where[0].joint == "joint2" and found.guard is None
-    (place,) = [n.text for n in found.notes if n.kind == "place"]
-    assert place.startswith("what is missing acts on the link side of joint2: with an arbitrary torque")
-    assert place.endswith(f"; it is a vibration of {HERTZ:.3g} Hz, whatever the robot does")
-    (unbiased,) = [n.text for n in found.notes if n.kind == "unbiased"]
-    said = unbiased.split("stiffness of joint1 ")[1].split(" Nm/rad")[0]
-    value, half = (float(number) for number in said.split(" ± "))
+    (place,) = [n for n in found.notes if n.kind == "place"]
+    assert place.joints == ("joint2",) and place.values["complete"] and place.values["side"] == "link"
+    assert f"{place.values['hertz']:.3g}" == f"{HERTZ:.3g}"
+    (unbiased,) = [n for n in found.notes if n.kind == "unbiased"]
+    own = [p for p in unbiased.values["parameters"] if p[:2] == ("stiffness", "joint1")]
+    value, half = own[0][2], NORMAL_95 * own[0][3]
     assert value == pytest.approx(stiffness[0], abs=2 * half) and half < 0.02 * value
     assert (
         found.model is not None and abs(found.model.stiffness[0] - value) > 4 * half
     )  # of the fit without it
     for text in (verdict_text(found), found.summary(), verdict_html(found), diagnosis_text(found)):
-        assert text.count(place) == 1
+        assert text.count(place.text) == 1
 
 
 def joint_with(residual: np.ndarray, velocity: np.ndarray, step: float) -> SlowResidual:
@@ -183,9 +184,9 @@ def test_a_robot_with_one_joint_has_no_place_and_words_say_how_much_is_explained
     fit = context.fit(layout, context.start(layout).x, iterations=0)
     single = replace(fit, layout=Layout(("joint1",)))
     assert unknown_place(context, single, lambda: None) is None
-    assert place_at(1, layout).text.endswith("all joints agree with the noise")
+    assert place_at(1, layout).fact().values["complete"]
     most = replace(place_at(1, layout, complete=False), sure=False)
-    assert most.text.startswith("most of what is missing acts at joint2: ")
+    assert most.fact().text.startswith("most of what is missing acts at joint2: ")
     assert UnknownInputFit.of(context, replace(fit, layout=Layout(("joint1",))), most) is None
 
 

@@ -26,7 +26,7 @@ ALONE = {
 def best(effects: tuple[str, ...], scale: float) -> BestModel:
     residual = np.float32(scale) * np.stack((0.1 * TIME, -TIME, 0.5 * TIME), axis=1)
     parameters: Any = None
-    return BestModel("", "", effects, parameters, {"g1": (TIME, residual)})
+    return BestModel((), {}, effects, parameters, {"g1": (TIME, residual)})
 
 
 def rows(html: str) -> dict[str, list[str]]:

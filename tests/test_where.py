@@ -23,7 +23,7 @@ from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
-from flexviz.records.curves import FREE_CURVE_NOTE
+from flexviz.records.curves import NOT_PHYSICS
 from tests.cases import slow
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
@@ -295,7 +295,7 @@ def test_maps_have_every_variable(clean):
 def test_free_form_draws_the_hidden_law(patched):
     context, fit = patched
     curve = fit_free_curve(context, fit, locate_residual(context, fit).places[0])
-    assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == FREE_CURVE_NOTE
+    assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == NOT_PHYSICS
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
     for sign, value, std in zip((1, -1), curve.value, curve.std, strict=True):
@@ -305,7 +305,7 @@ def test_free_form_draws_the_hidden_law(patched):
         assert error.std() < 0.12 and abs(error.mean()) < 0.5
         assert 0.003 < np.median(std[seen]) < 0.1
     form = curve.simple_form()
-    assert form is not None and form.text == curve.form and (form.kind, form.direction) == ("bump", "against")
+    assert form is not None and form.fact == curve.form and (form.kind, form.direction) == ("bump", "against")
     assert abs(form.values["centre"] - 0.1) < 0.03 and abs(form.values["width"] - 0.25) < 0.05
     assert abs(form.values["size"] - 2.0) < 0.3
 

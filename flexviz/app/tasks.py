@@ -21,6 +21,7 @@ from flexviz.diagnosis import (
     with_free_curve,
 )
 from flexviz.errors import Cancelled
+from flexviz.facts import Fact
 from flexviz.identification import Identification, SweepResult, identify, sweep
 from flexviz.iteration import Iteration
 from flexviz.jobs import Result, Task
@@ -174,11 +175,11 @@ class AddFreeCurve(SetTask[DiagnosedSet]):
     bandwidth: Bandwidth | None
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
-        def tell(text: str) -> None:
+        def tell(what: Fact | str) -> None:
             if should_stop():
                 raise Cancelled
-            if text:
-                progress(Progress(text))
+            if what:
+                progress(Progress(str(what)))
 
         longer = with_free_curve(chosen_set(self.analysis), self.diagnosis, tell)
         last = longer.steps[-1]

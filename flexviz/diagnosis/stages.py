@@ -28,7 +28,7 @@ class SearchStage(StrEnum):
         return Fact("search-stage", values={"stage": str(self)})
 
 
-STAGE_SHARES: dict[Fact | str, tuple[float, float, float]] = {
+STAGE_SHARES: dict[Fact, tuple[float, float, float]] = {
     SearchStage.SEARCH.fact: (0.07, 0.25, 0.55),
     SearchStage.FOUND.fact: (0.24, 0.6, 0.65),
     SearchStage.FINE.fact: (0.4, 0.63, 0.9),

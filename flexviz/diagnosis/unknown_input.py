@@ -61,6 +61,12 @@ class UnknownPlace:
         """Name of the joint."""
         return self.layout.joints[self.unknown.joint]
 
+    def fact(self, hertz: float | None = None) -> Fact:
+        """The finding; `hertz`: of a vibration there, whatever the robot does."""
+        side = self.unknown.side if self.sure else None
+        values = {"side": side, "complete": self.complete, "hertz": hertz}
+        return Fact("place", joints=(self.joint,), values=values)
+
     def beats(self, other: UnknownPlace) -> bool:
         """Whether the residual given another input is clearly larger, in units of what this one leaves."""
         return 1 + other.left > THRESHOLDS.evidence.apart**2 * (1 + self.left)
@@ -137,12 +143,7 @@ class UnknownInputFit:
     def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Fact]:
         """The place, and parameters that are clearly different in a fit without the input."""
         place = self.place
-        values = {
-            "side": place.unknown.side if place.sure else None,
-            "complete": place.complete,
-            "hertz": vibration(samples(context, self.fit, parts), place.unknown.joint),
-        }
-        yield Fact("place", joints=(place.joint,), values=values)
+        yield place.fact(vibration(samples(context, self.fit, parts), place.unknown.joint))
         # an input on the motor side also changes the deflection
         sound = place.complete and place.converged and place.unknown.side != "motor"
         if found := tuple(self._unbiased(context, biased) if sound else ()):

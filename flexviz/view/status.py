@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from flexviz import wording
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
@@ -61,7 +62,7 @@ def stated_error(
     found = stated_errors(errors, result.residual.torque_spread)
     if not found.rms or not all(map(math.isfinite, found.rms)):
         return "the model has no error to show", ""
-    text = f"{'fit' if found.rms is errors.rms else 'validation'} error {error_text(found)}"
+    text = f"{'fit' if found.rms is errors.rms else 'validation'} error {wording.error_text(found)}"
     if len(found.rms) > 1:
         most = found.order[0]
         text += f", most on {result.residual.joints[most]}: {error_short(found, most)}"
