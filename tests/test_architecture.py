@@ -42,6 +42,7 @@ LAYERS = (
         "parallel",
         "recent",
         "schemas",
+        "search",
         "toml",
         "charts",
         "doctor",

@@ -12,20 +12,14 @@ from numpy.typing import NDArray
 from scipy.special import huber as scipy_huber
 
 from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.criterion import (
-    Criterion,
-    Gain,
-    Score,
-    correlation_times,
-    criterion_of,
-    gain,
-)
+from flexviz.diagnosis.criterion import Criterion, ModelScore, correlation_times, criterion_of
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.motion import MOTION, MotionContext, Residuals, deviations, huber
+from flexviz.search import FALSE_ALARM, SETTLED, Gain, gain
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.toy_regression import autoregressive, residuals_of
 
@@ -140,7 +134,7 @@ def priced(samples: float = 900.0, choices: int = 30) -> Criterion:
 def test_costs_are_those_of_parameters_a_choice_and_a_place() -> None:
     criterion = priced()
     assert criterion.of_parameter == pytest.approx(0.5 * np.log(900))  # of all joints' samples
-    assert criterion.of_effect == pytest.approx(np.log(30 / LIMITS.false_alarm))
+    assert criterion.of_effect == pytest.approx(np.log(30 / FALSE_ALARM))
     one = criterion.cost(2, 1)
     assert one == pytest.approx(np.log(900) + np.log(30 / 0.05))
     assert criterion.cost(3, 1, 5000) == pytest.approx(one + 0.5 * np.log(900) + np.log(5000))
@@ -163,7 +157,7 @@ def test_a_move_that_changes_nothing_costs_its_parameters_and_its_choice() -> No
 # -- a number of a model
 
 
-def adds_up(scores: list[Score], rng: np.random.Generator, triples: int) -> None:
+def adds_up(scores: list[ModelScore], rng: np.random.Generator, triples: int) -> None:
     """J(A) − J(C) along every path, with the sign of its direction."""
     for _ in range(triples):
         a, b, c = (scores[k] for k in rng.integers(len(scores), size=3))
@@ -240,21 +234,21 @@ def test_a_model_that_harms_held_out_groups_is_refused(shift: float, harmed: boo
     for cost in (20.0, 10.0, 0.0):
         found = gain(criterion.score(before, 10.0), criterion.score(after, cost))
         assert found.delta > 50
-        assert (found.held_out < np.log(LIMITS.false_alarm)) == harmed
+        assert (found.held_out < np.log(FALSE_ALARM)) == harmed
         assert found.accepted == (not harmed)
         why = "" if found.accepted else "held-out groups are described less well"
         assert found.why == why
 
 
 def test_how_much_worse_held_out_groups_may_be_described() -> None:
-    chance = float(-np.log(LIMITS.false_alarm))
+    chance = float(-np.log(FALSE_ALARM))
     for share, accepted in ((0.9, True), (1.1, False)):
         assert Gain(5.0, np.zeros(1), -share * chance).accepted == accepted
 
 
 def test_j_has_to_fall_by_more_than_fits_are_converged_to() -> None:
     for share, accepted in ((-1.0, False), (0.0, False), (0.9, False), (1.1, True)):
-        found = Gain(share * LIMITS.settled, np.zeros(1), 5.0)
+        found = Gain(share * SETTLED, np.zeros(1), 5.0)
         assert found.accepted == accepted
         assert found.why == ("" if accepted else "it costs more than it gains")
 

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import rows_without_curves, without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import Gain, confidence, unexplained
+from flexviz.diagnosis.criterion import confidence, unexplained
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.first_movements import with_first_movements
 from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.search import Search, Tried
 from flexviz.diagnosis.so_far import BestModelTracker
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.diagnosis.varying_size import ChangingSize, changing_size
@@ -28,6 +27,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext, Phase, Phases
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
+from flexviz.search import Gain, Search, Tried
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import STAGE_SHARES, SearchStage
 
