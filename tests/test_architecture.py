@@ -43,6 +43,7 @@ LAYERS = (
         "parallel",
         "recent",
         "schemas",
+        "search",
         "toml",
         "charts",
         "doctor",

@@ -12,20 +12,14 @@ from numpy.typing import NDArray
 from scipy.special import huber as scipy_huber
 
 from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.criterion import (
-    Criterion,
-    Gain,
-    Score,
-    correlation_times,
-    criterion_of,
-    gain,
-)
+from flexviz.diagnosis.criterion import Criterion, ModelScore, correlation_times, criterion_of
 from flexviz.diagnosis.fine import Fine
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.motion import MOTION, MotionContext, Residuals, deviations, huber
+from flexviz.search import FALSE_ALARM, SETTLED, Gain, gain
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.toy_regression import autoregressive, residuals_of
 
@@ -140,7 +134,7 @@ def priced(samples: float = 900.0, choices: int = 30) -> Criterion:
 def test_costs_are_those_of_parameters_a_choice_and_a_place() -> None:
     criterion = priced()
     assert criterion.of_parameter == pytest.approx(0.5 * np.log(900))  # of all joints' samples
-    assert criterion.of_effect == pytest.approx(np.log(30 / LIMITS.false_alarm))
+    assert criterion.of_effect == pytest.approx(np.log(30 / FALSE_ALARM))
     one = criterion.cost(2, 1)
     assert one == pytest.approx(np.log(900) + np.log(30 / 0.05))
     assert criterion.cost(3, 1, 5000) == pytest.approx(one + 0.5 * np.log(900) + np.log(5000))
@@ -154,7 +148,7 @@ def test_a_move_that_changes_nothing_costs_its_parameters_and_its_choice() -> No
     before, after = (criterion.score(parts, criterion.cost(2 * k, k)) for k in (0, 1))
     cost = criterion.cost(2, 1)
     assert gain(before, after).delta == pytest.approx(-cost) and not gain(before, after).accepted
-    assert gain(before, after).why == "it costs more than it gains"
+    assert gain(before, after).why == "cost"
     assert gain(after, before).delta == pytest.approx(cost) and gain(after, before).accepted  # it is saved
     same = gain(before, before)
     assert same.delta == 0.0 and not same.accepted and same.held_out == 0.0
@@ -163,7 +157,7 @@ def test_a_move_that_changes_nothing_costs_its_parameters_and_its_choice() -> No
 # -- a number of a model
 
 
-def adds_up(scores: list[Score], rng: np.random.Generator, triples: int) -> None:
+def adds_up(scores: list[ModelScore], rng: np.random.Generator, triples: int) -> None:
     """J(A) − J(C) along every path, with the sign of its direction."""
     for _ in range(triples):
         a, b, c = (scores[k] for k in rng.integers(len(scores), size=3))
@@ -240,23 +234,23 @@ def test_a_model_that_harms_held_out_groups_is_refused(shift: float, harmed: boo
     for cost in (20.0, 10.0, 0.0):
         found = gain(criterion.score(before, 10.0), criterion.score(after, cost))
         assert found.delta > 50
-        assert (found.held_out < np.log(LIMITS.false_alarm)) == harmed
+        assert (found.held_out < np.log(FALSE_ALARM)) == harmed
         assert found.accepted == (not harmed)
-        why = "" if found.accepted else "held-out groups are described less well"
+        why = "" if found.accepted else "held-out"
         assert found.why == why
 
 
 def test_how_much_worse_held_out_groups_may_be_described() -> None:
-    chance = float(-np.log(LIMITS.false_alarm))
+    chance = float(-np.log(FALSE_ALARM))
     for share, accepted in ((0.9, True), (1.1, False)):
         assert Gain(5.0, np.zeros(1), -share * chance).accepted == accepted
 
 
 def test_j_has_to_fall_by_more_than_fits_are_converged_to() -> None:
     for share, accepted in ((-1.0, False), (0.0, False), (0.9, False), (1.1, True)):
-        found = Gain(share * LIMITS.settled, np.zeros(1), 5.0)
+        found = Gain(share * SETTLED, np.zeros(1), 5.0)
         assert found.accepted == accepted
-        assert found.why == ("" if accepted else "it costs more than it gains")
+        assert found.why == ("" if accepted else "cost")
 
 
 def test_a_model_is_judged_in_units_of_the_recorded_torque() -> None:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from flexviz.diagnosis.candidates import without
-from flexviz.diagnosis.criterion import Criterion, Gain, Score, criterion_of, gain
+from flexviz.diagnosis.criterion import Criterion, ModelScore, criterion_of
 from flexviz.diagnosis.elimination import Linearised, by_weight, eliminated, needs
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Bounds
 from flexviz.motion import Residuals
+from flexviz.search import Gain, gain
 from tests.toy_regression import residuals_of
 
 Array = NDArray[np.float64]
@@ -107,7 +108,7 @@ class Linear:
     def saved(self, layout: Layout, effect: ChosenEffect) -> float:
         return self.cost(layout) - self.cost(without(layout, [effect]))
 
-    def score(self, absent: Collection[ChosenEffect] = (), still: Bools | None = None) -> Score:
+    def score(self, absent: Collection[ChosenEffect] = (), still: Bools | None = None) -> ModelScore:
         """Of the fit without some effects."""
         parts = self.parts(self.solved(absent, still))
         return self.criterion.score(parts, self.cost(without(self.layout, absent)))

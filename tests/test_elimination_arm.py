@@ -10,15 +10,14 @@ import pytest
 
 from flexviz.diagnosis.candidates import with_effects, without
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.elimination import needs
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext
+from flexviz.search import Search, gain
 from tests.planar_arm import HELD_OUT, planar_set
 
 OFFSETS = tuple(ChosenEffect("torque_offset", j) for j in (0, 1))

@@ -9,10 +9,10 @@ import pytest
 
 from flexviz.diagnosis.candidates import with_offsets_merged
 from flexviz.diagnosis.course import apart_from_none
-from flexviz.diagnosis.criterion import Gain
 from flexviz.effects import ChosenEffect
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
+from flexviz.search import Gain
 from tests.test_resolution import COULOMB, OFFSET, SPRING, coarse_of, fitted
 
 THINNING = ChosenEffect("thinning_friction", 1)

@@ -15,14 +15,13 @@ from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.elimination import needs
-from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.motion import MotionContext
+from flexviz.search import Search, gain
 from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.test_elimination_arm import HIDDEN, arm_with

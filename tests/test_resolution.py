@@ -10,16 +10,15 @@ import pytest
 
 from flexviz.diagnosis.candidates import alternatives, with_offsets_merged, without
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import gain
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, kin
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext
+from flexviz.search import Search, gain
 from tests.planar_arm import HELD_OUT, planar_set
 
 COULOMB, OFFSET = ChosenEffect("coulomb_friction", 1), ChosenEffect("torque_offset", 0)

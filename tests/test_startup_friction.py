@@ -11,12 +11,12 @@ import pytest
 from benchmarks.diagnosis_study.motions import random_moves
 from flexviz.diagnosis import diagnose, prediction_errors
 from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.motion import MotionContext, Phase
+from flexviz.search import Search
 from flexviz.simulation import make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
 

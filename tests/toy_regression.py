@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Score, criterion_of
+from flexviz.diagnosis.criterion import ModelScore, criterion_of
 from flexviz.motion import Residuals
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class LinearModel:
 
     columns: frozenset[int | str]
     coefficients: dict[int | str, float]
-    score: Score
+    score: ModelScore
 
 
 class Regression:
@@ -106,7 +106,7 @@ class Regression:
     def parts(self, model: LinearModel) -> frozenset[int | str]:
         return model.columns
 
-    def score(self, model: LinearModel) -> Score:
+    def score(self, model: LinearModel) -> ModelScore:
         return model.score
 
     def larger(self, model: LinearModel) -> Iterator[tuple[Hashable, LinearModel]]:

@@ -18,16 +18,17 @@ from flexviz.diagnosis.candidates import (
     without,
     without_effects,
 )
-from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, criterion_of
+from flexviz.diagnosis.criterion import Criterion, Residuals, criterion_of
 from flexviz.diagnosis.elimination import Linearised, eliminated
 from flexviz.diagnosis.fit_context import STEPS
-from flexviz.diagnosis.resolution import EFFORT, LIMITS, Model, Moves, Resolution, Scoring
+from flexviz.diagnosis.resolution import EFFORT, Model, Moves, Resolution, Scoring
 from flexviz.diagnosis.unknown_curve import best_curve, curve_cost, is_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Descent, ScoredCandidate, shares_alone, torque_scale
 from flexviz.facts import Fact
 from flexviz.motion import MOTION, Known, MotionContext, MotionFit, plain_model, usual_model
+from flexviz.search import SETTLED, Gain
 
 Array = NDArray[np.float64]
 CoarseModel = Model[MotionFit]
@@ -99,7 +100,7 @@ class Coarse(Resolution[MotionFit]):
 
     def tried(self, start: Known, lowest: float = np.inf) -> CoarseModel | None:
         """A model fitted as closely as its J needs; None once it cannot come near the `lowest` objective."""
-        nats = self.settled / LIMITS.settled  # an effect's cost in units of the objective
+        nats = self.settled / SETTLED  # an effect's cost in units of the objective
         hopeless = lowest + nats * self.criterion.cost(1, 1)
 
         def watch(descent: Descent[MotionFit]) -> bool:

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import rows_without_curves, without_curves
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import Gain, confidence, unexplained
+from flexviz.diagnosis.criterion import confidence, unexplained
 from flexviz.diagnosis.fine import Fine, FineModel
 from flexviz.diagnosis.first_movements import with_first_movements
 from flexviz.diagnosis.fit_context import STEPS, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.search import Search, Tried
 from flexviz.diagnosis.so_far import BestModelTracker
 from flexviz.diagnosis.stages import STAGE_SHARES, SearchStage
 from flexviz.diagnosis.unknown_curve import is_curve
@@ -30,6 +29,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.motion import MotionContext, Phase, Phases
 from flexviz.parallel import stopped_by
 from flexviz.progress import Pace, Progress, ProgressCallback, StopCallback, never
+from flexviz.search import Gain, Search, Tried
 from flexviz.statistics import NORMAL_95
 
 LEAST_SURE = 0.5  # what is less likely right than wrong is not in the model

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.motion import Residuals, deviations
+from flexviz.search import FALSE_ALARM, SETTLED, Gain, Score
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -36,27 +37,17 @@ LAGS = 8  # part of the longest stretch over which a residual may be correlated
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
-    """What the criterion says of a model.
+class ModelScore(Score):
+    """What the criterion says of a model of motion and torque.
 
     Attributes:
+        by_joint: shape (n,), n_j log max(σ_j, ε_j) [nats].
         deviation: shape (n,), σ_j of all samples, in units of the residuals.
         held_out: shape (n,), that of the held-out groups alone (of the fit groups without any).
-        by_joint: shape (n,), n_j log max(σ_j, ε_j) [nats].
-        held_out_by_joint: shape (n,), the same of the held-out groups [nats].
-        cost: of parameters and effects, and what else the model pays [nats].
     """
 
     deviation: Array
     held_out: Array
-    by_joint: Array
-    held_out_by_joint: Array
-    cost: float
-
-    @property
-    def total(self) -> float:
-        """J [nats]."""
-        return float(self.by_joint.sum()) + self.cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +74,14 @@ class Criterion:
     @property
     def of_effect(self) -> float:
         """What an effect costs besides its parameters [nats]."""
-        return float(np.log(max(self.choices, 1) / LIMITS.false_alarm))
+        return float(np.log(max(self.choices, 1) / FALSE_ALARM))
 
     def settled(self, count: float) -> float:
         """Change of an objective, twice a sum over so many samples, by which J hardly changes.
 
         Few of these samples are independent.
         """
-        return 2 * LIMITS.settled * count / float(self.samples.sum())
+        return 2 * SETTLED * count / float(self.samples.sum())
 
     def cost(self, parameters: int, effects: int, places: int = 1) -> float:
         """Of effects with so many parameters together; `places`: where or when each may act [nats]."""
@@ -102,7 +93,7 @@ class Criterion:
         cost: float,
         scale: Array | float = 1.0,
         cut: tuple[Array, Array] | None = None,
-    ) -> Score:
+    ) -> ModelScore:
         """The score of a model from its residuals.
 
         Args:
@@ -119,7 +110,7 @@ class Criterion:
         nats, held_nats = (self.nats(sigma) for sigma in (all_of_it, held))
         nats += self.samples * self.unknown_price(parts, all_of_it * scale)
         held_nats += self.samples * self.unknown_price(parts[-1:], held * scale)
-        return Score(all_of_it, held, nats, held_nats, cost)
+        return ModelScore(nats, held_nats, cost, all_of_it, held)
 
     def unknown_price(self, parts: Sequence[Residuals], sigma: Array) -> Array:
         """Mean of ½ log(1 + u/σ²) over samples of which a model does not know u, (n,) [nats].
@@ -159,44 +150,6 @@ def correlation_times(parts: Sequence[Residuals]) -> Array:
             total[: len(found)] += found
     rho = total[1:] / np.maximum(total[0], 1e-300)
     return 1 + 2 * np.sum(rho**2, axis=0)
-
-
-@dataclass(frozen=True, eq=False)
-class Gain:
-    """What a move gains.
-
-    Attributes:
-        delta: decrease of J [nats].
-        by_joint: shape (n,), the part of each joint [nats].
-        held_out: decrease of the held-out part of J, without costs [nats].
-    """
-
-    delta: float
-    by_joint: Array
-    held_out: float
-
-    @property
-    def accepted(self) -> bool:
-        """Whether J falls, and held-out groups are not described less well than chance allows."""
-        return self.delta > LIMITS.settled and self.held_out > float(np.log(LIMITS.false_alarm))
-
-    @property
-    def why(self) -> str:
-        """Why it is refused, in words; empty if it is accepted."""
-        if self.accepted:
-            return ""
-        return (
-            "it costs more than it gains"
-            if self.delta <= LIMITS.settled
-            else "held-out groups are described less well"
-        )
-
-
-def gain(before: Score, after: Score) -> Gain:
-    """What a move from one model to another gains: Δ = J(before) − J(after)."""
-    by_joint = before.by_joint - after.by_joint
-    held = float((before.held_out_by_joint - after.held_out_by_joint).sum())
-    return Gain(before.total - after.total, by_joint, held)
 
 
 def confidence(gained: float, left: float) -> float:

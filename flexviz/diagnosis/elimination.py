@@ -14,10 +14,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, Score, gain
+from flexviz.diagnosis.criterion import Criterion, ModelScore, Residuals
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Bounds, scaled_inverse, torque_scale
+from flexviz.search import Gain, gain
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -57,7 +58,7 @@ class Costs(Protocol):
 
 
 def needs(
-    data: Linearised, score: Score, costs: Costs, among: Collection[ChosenEffect] | None = None
+    data: Linearised, score: ModelScore, costs: Costs, among: Collection[ChosenEffect] | None = None
 ) -> dict[ChosenEffect, tuple[Gain, Array]]:
     """What each effect of a model, or each of `among`, gains given the others.
 
@@ -75,7 +76,7 @@ def needs(
 
 
 def eliminated(
-    data: Linearised, score: Score, costs: Costs, among: Collection[ChosenEffect]
+    data: Linearised, score: ModelScore, costs: Costs, among: Collection[ChosenEffect]
 ) -> tuple[list[ChosenEffect], Array]:
     """Those of some effects that a model does not need, dropped one by one.
 
@@ -98,7 +99,7 @@ def eliminated(
     return gone, x
 
 
-def _moved(data: Linearised, move: Array, cost: float, costs: Costs) -> Score:
+def _moved(data: Linearised, move: Array, cost: float, costs: Costs) -> ModelScore:
     """The score of a model with parameters moved, shape (P,), and another cost."""
     parts = [
         replace(part, values=part.values + jacobian @ move)

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.course import Course, SearchEnd
-from flexviz.diagnosis.criterion import Gain, confidence, split, unexplained
+from flexviz.diagnosis.criterion import confidence, split, unexplained
 from flexviz.diagnosis.elimination import by_weight
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Evidence, Finding, Step
-from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.ties import ties
 from flexviz.diagnosis.unknown_curve import is_curve
@@ -26,6 +25,7 @@ from flexviz.laws import laws_through_data
 from flexviz.motion import MOTION, Known
 from flexviz.parallel import shared
 from flexviz.records import Absorbed, EffectEntry, EffectParameter, Family, Tie, Verdict, step_shares
+from flexviz.search import Gain, Tried
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, with_candidates
 from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import Gain
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.motion import Phase
+from flexviz.search import Gain
 
 Array = NDArray[np.float64]
 

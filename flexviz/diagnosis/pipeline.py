@@ -23,7 +23,6 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.limit import detection_limit
 from flexviz.diagnosis.notes import notes, standstill, without_still_groups
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
-from flexviz.diagnosis.search import Tried
 from flexviz.diagnosis.seen_limits import limit_findings
 from flexviz.diagnosis.settings import diagnosed_set
 from flexviz.diagnosis.stages import SearchStage
@@ -46,6 +45,7 @@ from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
 from flexviz.records import CriterionNumbers, Decoys, DetectionLimit, Move, Resolution, Verdict
+from flexviz.search import Tried
 
 Array = NDArray[np.float64]
 

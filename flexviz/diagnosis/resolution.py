@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, credible, is_episode, offsets_of_springs, without
-from flexviz.diagnosis.criterion import Criterion, Gain, Residuals, Score, gain
+from flexviz.diagnosis.criterion import Criterion, ModelScore, Residuals
 from flexviz.diagnosis.elimination import Linearised, needs
 from flexviz.diagnosis.fit_context import Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -22,6 +22,7 @@ from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_interval
 from flexviz.facts import Fact
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import shared
+from flexviz.search import Gain, gain
 
 Array = NDArray[np.float64]
 AnyFit = TypeVar("AnyFit", bound=Judged)
@@ -35,7 +36,7 @@ class Model(Generic[AnyFit]):
     """A fitted model with its score."""
 
     fit: AnyFit
-    score: Score
+    score: ModelScore
 
     @property
     def layout(self) -> Layout:
@@ -136,7 +137,7 @@ class Resolution(ABC, Generic[AnyFit]):
 
     # -- judging
 
-    def score(self, model: Model[AnyFit]) -> Score:
+    def score(self, model: Model[AnyFit]) -> ModelScore:
         """What the criterion says of a model."""
         return model.score
 

@@ -15,9 +15,7 @@ from dataclasses import dataclass
 class CriterionThresholds:
     """What counts, and what an effect has to gain."""
 
-    false_alarm: float = 0.05  # probability that anything is found where nothing is missing
     exactness: float = 1e-3  # the same in units of the noise, of what the effects explain
-    settled: float = 0.1  # change of J that ends the fit of a model that is tried [nats]
     temperature: float = 3.0  # [nats] by which a gain has to exceed its cost for a confidence of 73 %
     least_doubt: float = 0.01  # odds of an error of any kind
     doubt: float = 0.1  # odds that an effect stands in for an unmodelled torque as large as what it removes
@@ -27,7 +25,6 @@ class CriterionThresholds:
 class SearchThresholds:
     """How much is tried."""
 
-    rounds: int = 40  # moves at most
     best: int = 3  # candidates of a joint that are fitted, by their scores
     first_steps: int = 2  # of a trial, by which its starts are compared, or after which it may be given up
     reach: float = 3.0  # times what its score promises, that a candidate may gain

@@ -11,14 +11,71 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Literal, Protocol, TypeVar
 
-from flexviz.diagnosis.criterion import Gain, Score, gain
-from flexviz.diagnosis.thresholds import THRESHOLDS
+import numpy as np
+
+from flexviz.arrays import Array
 
 Model = TypeVar("Model")
 
-LIMITS = THRESHOLDS.search
+FALSE_ALARM = 0.05  # probability that anything is found where nothing is missing
+SETTLED = 0.1  # [nats] change of J that is none
+ROUNDS = 40  # moves at most
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What the criterion says of a model.
+
+    Attributes:
+        by_joint: shape (n,), minus the logarithm of how probable each joint's data are with it [nats].
+        held_out_by_joint: shape (n,), the same of held-out data alone [nats].
+        cost: what the model costs, whatever the data are [nats].
+    """
+
+    by_joint: Array
+    held_out_by_joint: Array
+    cost: float
+
+    @property
+    def total(self) -> float:
+        """J [nats]."""
+        return float(self.by_joint.sum()) + self.cost
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """What a move gains.
+
+    Attributes:
+        delta: decrease of J [nats].
+        by_joint: shape (n,), the part of each joint [nats].
+        held_out: decrease of the held-out part of J, without costs [nats].
+    """
+
+    delta: float
+    by_joint: Array
+    held_out: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether J falls, and held-out groups are not described less well than chance allows."""
+        return self.delta > SETTLED and self.held_out > float(np.log(FALSE_ALARM))
+
+    @property
+    def why(self) -> Literal["", "cost", "held-out"]:
+        """Why it is refused: its cost, or worse held-out groups; "" if it is accepted."""
+        if self.accepted:
+            return ""
+        return "cost" if self.delta <= SETTLED else "held-out"
+
+
+def gain(before: Score, after: Score) -> Gain:
+    """What a move from one model to another gains: Δ = J(before) − J(after)."""
+    by_joint = before.by_joint - after.by_joint
+    held = float((before.held_out_by_joint - after.held_out_by_joint).sum())
+    return Gain(before.total - after.total, by_joint, held)
 
 
 @dataclass(frozen=True)
@@ -94,7 +151,7 @@ class Search(Generic[Model]):
     def run(self, model: Model) -> Model:
         """The model from which no move leads lower."""
         self.made(model)
-        for _ in range(LIMITS.rounds):
+        for _ in range(ROUNDS):
             found = next(filter(None, (self.moved(model, kind) for kind in self.problem.stages)), None)
             if found is None:
                 break
