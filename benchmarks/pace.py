@@ -14,10 +14,10 @@ import time
 from pathlib import Path
 
 from benchmarks.command import command
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.stages import STAGE_SHARES
-from flexviz.measurements import read_set
-from flexviz.progress import Pace, Progress
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.diagnosis.stages import STAGE_SHARES
+from flexviz.base.progress import Pace, Progress
+from flexviz.data.measurements import read_set
 
 SHARES = {str(stage): shares for stage, shares in STAGE_SHARES.items()}
 SLACK = 1.0  # [s] by which a bound may be missed

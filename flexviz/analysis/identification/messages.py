@@ -1,0 +1,53 @@
+"""What accompanies the outcome of an identification: static tests, data that are not used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from flexviz.analysis.identification.plain_fit import PlainFit
+from flexviz.analysis.identification.result import Identification
+from flexviz.base.facts import Fact, Remedy
+from flexviz.data.measurements import Group, MeasurementSet, silent_joints
+from flexviz.robot.model import FlexibleModel
+
+APART = 3.0  # standard errors of a static test, from which the motion contradicts it
+
+
+def holds_used(plain: PlainFit, model: FlexibleModel) -> Iterator[Fact]:
+    """What static tests added; its joints are those whose stiffness the motion pulls away from them."""
+    holds = plain.start.prior.holds
+    if holds is not None:
+        clamped = holds.clamped
+        away = np.abs(1 / model.stiffness - clamped.value) * np.sqrt(clamped.precision)
+        apart = tuple(joint for joint, one in zip(model.joints, away, strict=True) if one > APART)
+        yield Fact("holds-used", "odd" if apart else "note", apart, values={"count": holds.count})
+
+
+def groups_not_used(result: Identification, groups: Sequence[Group]) -> Iterator[Fact]:
+    """The groups that are not used, if any."""
+    used = (*result.groups, *result.validation_groups)
+    if names := tuple(group.name for group in groups if group.name not in used):
+        yield Fact("groups-not-used", "odd", groups=names)
+
+
+def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
+    """Joints whose torque is no signal, and what it is instead."""
+    if found := silent_joints(measurements):
+        names = tuple(found)
+        why = {"why": tuple(found.values())}
+        yield Fact("no-torque", "wrong", names, values=why, remedy=Remedy("model.no_torque", names, "set"))
+
+
+def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:
+    """Joints whose torque stands at a limit, with these limits [Nm]; a side without one is missing."""
+    if found := measurements.seen_limits:
+        limits = {
+            "lower": tuple(one.lower if np.isfinite(one.lower) else None for one in found),
+            "upper": tuple(one.upper if np.isfinite(one.upper) else None for one in found),
+            "tolerance": tuple(one.tolerance for one in found),
+            "rows": tuple(one.rows for one in found),
+        }
+        joints = tuple(measurements.joints[one.joint] for one in found)
+        yield Fact("torque-saturated", "odd", joints, values=limits)

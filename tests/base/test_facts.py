@@ -1,0 +1,118 @@
+"""Computing rooms return facts, and `flexviz.content.wording` alone has the sentences."""
+
+from __future__ import annotations
+
+import ast
+import pickle
+
+import pytest
+
+import flexviz
+from flexviz.base.facts import Fact
+from flexviz.content.wording import fact_text
+from flexviz.content.wording.facts import SENTENCES
+from tests.sentences import sentences
+from tests.test_architecture import LAYERS, PACKAGE, SOURCES, imports, tree, unit
+
+SPEAKING = (
+    "wording results charts session scene view report batch app recording exporting workflows doctor cli"
+)
+COMPUTING = {name for row in LAYERS for name in row} - set(SPEAKING.split())
+LEFT = {
+    "acceptance": 11,
+    "compensation": 1,
+    "designing": 21,
+    "diagnosis": 39,
+    "effects": 34,
+    "equation": 2,
+    "errors": 2,
+    "identification": 17,
+    "importing": 164,
+    "jobs": 2,
+    "laws": 12,
+    "measurements": 56,
+    "mounting": 5,
+    "noise": 32,
+    "observers": 5,
+    "progress": 3,
+    "records": 2,
+    "robot_files": 1,
+    "schemas": 4,
+    "simulation": 8,
+    "units": 1,
+    "urdf_checks": 1,
+    "urdf_inertias": 4,
+    "urdf_joints": 6,
+    "urdf_units": 1,
+}
+"""Sentences that still stand in computing rooms, at most; of a room that is not named none."""
+
+
+def test_sentences_stand_in_wording() -> None:
+    found = dict[str, list[str]]()
+    for path in SOURCES:
+        room = unit(path)
+        if room in COMPUTING:
+            for line, text in sentences(tree(path), effects=room == "effects"):
+                found.setdefault(room, []).append(f"{path.relative_to(PACKAGE)}:{line}: {text}")
+    more = {room: texts for room, texts in found.items() if len(texts) > LEFT.get(room, 0)}
+    assert not more, "return a fact, and give its kind a sentence in flexviz/content/wording/topics"
+
+
+def test_a_sentence_is_found_and_what_documents_or_is_raised_is_not() -> None:
+    source = """
+class Law:
+    "One two three four five."
+    title = "One two three four five."
+    def law(self, name):
+        message = "six words that are only raised"
+        if name:
+            raise ValueError(message)
+        return f"{name} is one of five", ParameterSpec("x", text="one two three four five"), "only four here"
+"""
+    module = ast.parse(source)
+    assert [text for _, text in sentences(module, effects=True)] == ["{} is one of five"]
+    assert len(list(sentences(module))) == 2
+
+
+SPEAK = {"laws", "noise", "identification", "designing", "compensation", "diagnosis", "importing"}
+SPEAK |= {"measurements", "acceptance"}
+"""Computing rooms that still import wording."""
+
+
+def test_computing_rooms_do_not_know_words() -> None:
+    found = {
+        unit(path)
+        for path in SOURCES
+        for name, _ in imports(path)
+        if name.startswith("flexviz.content.wording")
+    }
+    assert found & COMPUTING <= SPEAK
+
+
+def kinds() -> dict[str, str]:
+    """Kinds of facts that the source tree makes, and a file that does."""
+    out = dict[str, str]()
+    for path in SOURCES:
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Fact" and node.args:
+                kind = node.args[0]
+                assert isinstance(kind, ast.Constant) and isinstance(kind.value, str), (
+                    f"{path.name}:{node.lineno}: write the kind out"
+                )
+                out[kind.value] = str(path.relative_to(PACKAGE))
+    return out
+
+
+def test_every_kind_of_fact_has_a_sentence_and_every_sentence_a_fact() -> None:
+    with pytest.raises(KeyError):
+        fact_text(Fact("no_such_kind"))
+    assert kinds().keys() == SENTENCES.keys()
+
+
+def test_a_fact_prints_its_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SENTENCES, "made_up", lambda fact: f"{fact.joints[0]} has {fact.values['count']}")
+    fact = Fact("made_up", "odd", joints=("joint1",), values={"count": 3})
+    assert f"{fact}" == fact.text == "joint1 has 3"
+    assert pickle.loads(pickle.dumps(fact)) == fact and len({fact, fact}) == 1
+    assert Fact.words is flexviz._in_words
