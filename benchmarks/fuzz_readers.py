@@ -28,7 +28,7 @@ from flexviz.app.sets import open_set
 from flexviz.app.uploads import UploadFolder, take
 from flexviz.errors import FlexvizError
 from flexviz.importing import import_logs
-from flexviz.importing.formats import LogSource, ReadOptions, find_logs, open_run
+from flexviz.logs.formats import LogSource, ReadOptions, find_logs, open_run
 from flexviz.measurements import read_set
 from flexviz.recording import check_recording, read_recording, record_set
 from flexviz.results import read_result

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz import toml
-from flexviz.importing import Issue, import_logs
+from flexviz.checks import Issue
+from flexviz.importing import import_logs
 from flexviz.measurements import Group, MeasurementSet
 
 Array = NDArray[Any]

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.cli import main
-from flexviz.importing.clocks import even_step, rows_in_order
+from flexviz.logs.clocks import even_step, rows_in_order
 
 ROUNDINGS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
     "nearest": np.round,

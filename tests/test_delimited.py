@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexviz.errors import InputError
-from flexviz.importing.formats import open_log
-from flexviz.importing.formats.base import Log, ReadOptions
+from flexviz.logs.formats import open_log
+from flexviz.logs.formats.base import Log, ReadOptions
 
 NAMES = ["time", "theta_1", "tau_1"]
 SEPARATORS = pytest.mark.parametrize("separator", [",", ";", "\t"])

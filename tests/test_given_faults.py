@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from shared_data import FAULTS
 
+from flexviz.checks import Issue, issues_of_set
 from flexviz.cli import main
-from flexviz.importing import Issue, import_logs, issues_of_set
+from flexviz.importing import import_logs
 from flexviz.measurements import read_set
 from tests.cases import slow
 

@@ -21,8 +21,8 @@ from import_data import (
 
 from flexviz.errors import InputError
 from flexviz.importing import Imported, import_logs
-from flexviz.importing.assembling import Trace
 from flexviz.importing.delays import JointTraces, delay_of
+from flexviz.logs.assembling import Trace
 
 DATA = truth(rows=1500)
 THETA, TAU = '"/motor_states/joint#/position"', '"/motor_states/joint#/effort"'

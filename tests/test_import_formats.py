@@ -31,8 +31,8 @@ from scipy.io import savemat
 
 from flexviz.errors import InputError
 from flexviz.importing import formats, import_logs, inspect_logs
-from flexviz.importing.formats import find_logs, open_log
-from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions
+from flexviz.logs.formats import find_logs, open_log
+from flexviz.logs.formats.base import Log, LogFormat, LogTable, ReadOptions
 from flexviz.measurements import read_set
 
 DATA = truth(rows=1000)

@@ -16,13 +16,13 @@ from import_data import JOINTS, link_messages, motor_messages, truth, write_lero
 
 from flexviz.errors import InputError
 from flexviz.importing import Inspection, import_logs, inspect_logs
-from flexviz.importing.clocks import guess_unit
-from flexviz.importing.column_names import unit_in
-from flexviz.importing.columns import candidates, find_families
 from flexviz.importing.draft import Person
-from flexviz.importing.formats import open_log
-from flexviz.importing.formats.base import Log, LogTable, ReadOptions
 from flexviz.importing.torque_meaning import evidence
+from flexviz.logs.clocks import guess_unit
+from flexviz.logs.column_names import unit_in
+from flexviz.logs.columns import candidates, find_families
+from flexviz.logs.formats import open_log
+from flexviz.logs.formats.base import Log, LogTable, ReadOptions
 from flexviz.robot import Robot
 from tests.small_set import URDF
 

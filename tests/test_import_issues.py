@@ -17,13 +17,12 @@ import pyarrow.parquet as pq
 import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
+from flexviz.checks import Issue, LoadedTable, check_groups, with_plausibility_warnings
 from flexviz.cli import analysis
 from flexviz.errors import Cancelled
-from flexviz.importing import import_logs, with_plausibility_warnings
-from flexviz.importing.comparison import LoadedTable
+from flexviz.importing import import_logs
 from flexviz.importing.delays import delay_issues, torque_delay
-from flexviz.importing.mapping import Fix, Issue, Mapping, parse
-from flexviz.importing.plausibility import check_groups
+from flexviz.logs.mapping import Fix, Mapping, parse
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
 from flexviz.robot import Robot
 from tests.cases import slow

@@ -17,7 +17,7 @@ from scipy.io import savemat
 from flexviz import files, limits, toml
 from flexviz.cli.terminal import write_json
 from flexviz.errors import InputError
-from flexviz.importing.formats import ReadOptions, find_logs, matlab, open_log
+from flexviz.logs.formats import ReadOptions, find_logs, matlab, open_log
 from flexviz.measurements import read_set
 from tests.small_set import write_small_set
 

@@ -20,11 +20,11 @@ from independent.cases import draw
 from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.importing import Inspection, Questions, import_logs, importing, inspect_logs
-from flexviz.importing.columns import candidates, find_families
-from flexviz.importing.formats import find_logs, open_log
-from flexviz.importing.formats.base import Log, LogTable, ReadOptions
-from flexviz.importing.mapping import parse
 from flexviz.importing.ready_mappings import FOLDER, ready_mappings, recognised
+from flexviz.logs.columns import candidates, find_families
+from flexviz.logs.formats import find_logs, open_log
+from flexviz.logs.formats.base import Log, LogTable, ReadOptions
+from flexviz.logs.mapping import parse
 from flexviz.measurements import MeasurementSet, read_set
 from tests import controller_logs as logs
 from tests.cases import with_slow

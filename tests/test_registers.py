@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.importing.assembling import decoded
+from flexviz.logs.assembling import decoded
 from flexviz.noise import Channel, check_jumps, sign_magnitude
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from benchmarks.rigid_joints import make_case, rigid_outcome, spoilt, torque_out
 from flexviz import identify, read_set
 from flexviz.equation import Equation, build_signals, layout_of
 from flexviz.errors import InputError
-from flexviz.importing.mapping import Issue
-from flexviz.importing.proposals import Proposal, proposed
+from flexviz.logs.mapping import Issue
+from flexviz.logs.proposals import Proposal, proposed
 from flexviz.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
 from flexviz.observers import make_observer
 from flexviz.results import hints

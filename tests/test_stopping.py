@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexviz.checks import plausibility_warnings
 from flexviz.equation import OperatingPoint, layout_of
 from flexviz.estimation import Stopped, TwoBandData
 from flexviz.identification import FitSettings, identify
 from flexviz.identification.plain_fit import StepReporter, plain_fit
-from flexviz.importing import plausibility_warnings
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress
 

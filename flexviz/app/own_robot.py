@@ -6,18 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from flexviz.checks import Issue
 from flexviz.errors import InputError
 from flexviz.files import write_file
-from flexviz.importing import (
-    Draft,
-    Issue,
-    LogPreview,
-    edited,
-    import_logs,
-    inspect_logs,
-    preview,
-    readable,
-)
+from flexviz.importing import Draft, LogPreview, edited, import_logs, inspect_logs, preview, readable
 from flexviz.jobs import Task
 from flexviz.progress import ProgressCallback, StopCallback, part
 from flexviz.robot import Robot

@@ -6,8 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from flexviz.app.state import Opened
+from flexviz.checks import with_plausibility_warnings
 from flexviz.errors import InputError
-from flexviz.importing import with_plausibility_warnings
 from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.resources import sessions_dir

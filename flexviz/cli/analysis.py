@@ -92,9 +92,9 @@ def diagnose(
     cores = on_cores(usable_cores())
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
         with loading():
+            from flexviz.checks import plausibility_warnings
             from flexviz.diagnosis import diagnose as search
             from flexviz.diagnosis import why_no_curve
-            from flexviz.importing import plausibility_warnings
             from flexviz.measurements import read_set
         measurements = read_set(measurement_set)
         for text in plausibility_warnings(measurements, report, should_stop):

@@ -12,6 +12,7 @@ from flexviz.cli import terminal
 from flexviz.cli.options import FormatOption, GravityOption, JsonOption, stated_gravity
 from flexviz.errors import InputError
 from flexviz.files import write_file
+from flexviz.wording import issue_text
 
 if TYPE_CHECKING:
     from flexviz.importing import Imported, Inspection, Mapping, Person
@@ -112,7 +113,7 @@ def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) ->
     draft, text = inspection.draft, inspection.draft.text(file)
     if file is not None:
         write_file(file, text)
-    terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)])
+    terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {issue_text(s)}" for s in inspection.issues)])
     if file is None and (draft.missing or checked_only):
         print(text, end="")
     where = f" in {file}" if file else "; --mapping FILE writes what is known to a file"
@@ -165,7 +166,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         )
     elif not done.wrong:
         lines.append("these data do not show whether torque and motion agree in time")
-    lines += [f"looks {s.severity}: {s}" for s in done.issues]
+    lines += [f"looks {s.severity}: {issue_text(s)}" for s in done.issues]
     lines += [f"warning: {warning}" for warning in done.warnings]
     if done.folder is not None:
         lines.append(f"{done.folder}: {len(done.groups)} groups, joints {', '.join(done.joints)}")

@@ -178,8 +178,8 @@ def read_selected(
     path: Path, settings: FitSettings, report: Reporter, should_stop: Callable[[], bool]
 ) -> MeasurementSet:
     """Read a measurement set and check the settings against it."""
+    from flexviz.checks import with_plausibility_warnings
     from flexviz.effects import choose_effects
-    from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
     from flexviz.schemas import shown
 

@@ -36,13 +36,13 @@ from flexviz.identification import (
     link_side_checks,
     parameter_estimates,
 )
-from flexviz.measurements import MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
+from flexviz.measurements import MeasurementSet, set_of, silent_joints
 from flexviz.noise import filtered_before_writing, noise_notes
 from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import ProgressCallback, StopCallback, never
 from flexviz.records import CriterionNumbers, Decoys, DetectionLimit, Move, Note, Resolution, Verdict
 from flexviz.search import Tried
-from flexviz.wording import SearchStage, listed
+from flexviz.wording import SearchStage, listed, no_torque_text, saturated_text
 
 Array = NDArray[np.float64]
 

@@ -34,13 +34,13 @@ from flexviz.identification.settings import FitOptions, FitSettings, fit_setting
 from flexviz.identification.stated_error import stated_residual
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.uncertainty import Stated, Uncertainty, uncertainty
-from flexviz.measurements import Group, MeasurementSet, no_torque_text, saturated_text, set_of, silent_joints
+from flexviz.measurements import Group, MeasurementSet, set_of, silent_joints
 from flexviz.model import FlexibleModel
 from flexviz.motion import MotionFit, Phases
 from flexviz.noise import check_signals, segments_noise
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.records import ResidualSummary
-from flexviz.wording import normalised
+from flexviz.wording import no_torque_text, normalised, saturated_text
 
 GIVEN = "values as given; they were not fitted with this observer"
 STOPPED = "stopped; the values are those of the last step"

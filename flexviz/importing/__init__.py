@@ -1,6 +1,5 @@
 """Import ROS bags, MCAP, CSV, Excel, Parquet, MATLAB, NumPy, JSON and LeRobot logs as a measurement set."""
 
-from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE
 from flexviz.importing.draft import Draft, DraftJoint, Person, Questions
 from flexviz.importing.editing import (
     add_payload,
@@ -15,10 +14,10 @@ from flexviz.importing.editing import (
 )
 from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs
-from flexviz.importing.mapping import Fix, Issue, Mapping, read_mapping
-from flexviz.importing.plausibility import issues_of_set, plausibility_warnings, with_plausibility_warnings
 from flexviz.importing.previewing import ColumnPreview, LogPreview, preview, readable
-from flexviz.importing.proposals import Proposal
+from flexviz.logs.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE
+from flexviz.logs.mapping import Fix, Mapping, read_mapping
+from flexviz.logs.proposals import Proposal
 
 __all__ = [
     "ANGLE",
@@ -33,7 +32,6 @@ __all__ = [
     "Fix",
     "Imported",
     "Inspection",
-    "Issue",
     "LogPreview",
     "Mapping",
     "Person",
@@ -46,8 +44,6 @@ __all__ = [
     "gaps",
     "import_logs",
     "inspect_logs",
-    "issues_of_set",
-    "plausibility_warnings",
     "preview",
     "read_mapping",
     "readable",
@@ -55,5 +51,4 @@ __all__ = [
     "set_constants",
     "set_key",
     "typed_numbers",
-    "with_plausibility_warnings",
 ]

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from flexviz import toml
-from flexviz.importing.formats import LogSource
-from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
-from flexviz.importing.proposals import Proposal, proposed
+from flexviz.logs.formats import LogSource
+from flexviz.logs.mapping import SIGNALS, Fix, Mapping, parse
+from flexviz.logs.proposals import Proposal, proposed
 from flexviz.measurements import TorqueSide
 from flexviz.mounting import GRAVITY
 from flexviz.robot import is_library_robot

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from flexviz.errors import InputError
-from flexviz.importing.column_names import CURRENT
 from flexviz.importing.draft import DEFAULTS, Draft, DraftJoint
-from flexviz.importing.mapping import NEEDED
 from flexviz.importing.previewing import LogPreview
+from flexviz.logs.column_names import CURRENT
+from flexviz.logs.mapping import NEEDED
 
 Constant = Literal["gear", "torque_constant"]
 LARGEST = 1e9  # of a typed number

@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.checks import Issue, sample_motion, wrong_time_unit
 from flexviz.equation import behind_gear
 from flexviz.errors import InputError
 from flexviz.files import named_errors, temporary_folder, whole_folder
-from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.checking import check_all
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
-from flexviz.importing.formats import LogSource, open_run
-from flexviz.importing.formats.base import ReadOptions, check_stop
-from flexviz.importing.mapping import Issue, Mapping, parse, read_mapping
-from flexviz.importing.proposals import proposed
 from flexviz.importing.samples import SPOILT
+from flexviz.logs.assembling import AssembledGroup, assemble
+from flexviz.logs.formats import LogSource, open_run
+from flexviz.logs.formats.base import ReadOptions, check_stop
+from flexviz.logs.mapping import Mapping, parse, read_mapping
+from flexviz.logs.proposals import proposed
 from flexviz.measurements import (
     GroupTable,
     MeasurementSet,
@@ -28,12 +29,11 @@ from flexviz.measurements import (
     read_robot,
     read_set,
     robot_files,
-    sample_motion,
     write_set,
-    wrong_time_unit,
 )
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.robot import PayloadBody, Robot
+from flexviz.wording import issue_message
 
 FORMAT = 1  # of the report as JSON
 BEHIND_GEAR = (
@@ -92,7 +92,7 @@ class Imported:
             "groups": groups,
             "clock_offsets": [asdict(offset) for offset in self.offsets],
             "torque_delay": delay,
-            "suspicions": [asdict(issue) for issue in self.issues],
+            "suspicions": [issue_json(issue) for issue in self.issues],
             "mended": list(self.mended),
             "warnings": list(self.warnings),
         }
@@ -225,11 +225,8 @@ def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
         if not offset.significant:
             continue
         total = mapping.time.shift.get(offset.clock, 0.0) - offset.delay
-        message = (
-            f'in {offset.group} the clock of "{offset.clock}" is {offset.text}; '
-            f'[time] shift."{offset.clock}" = {total:.6g} would correct it'
-        )
-        found.append(Issue("clock", "odd", mapping.names, "q", message))
+        values = {"group": offset.group, "clock": offset.clock, "text": offset.text, "shift": total}
+        found.append(Issue("clock", "odd", mapping.names, "q", values))
     return found
 
 
@@ -277,3 +274,17 @@ def read_back(new: Path, target: Path) -> MeasurementSet:
         raise InputError(message, file=file, place=error.place) from None
     warnings = tuple(warning.replace(place, str(target)) for warning in measurements.warnings)
     return replace(measurements, warnings=warnings)
+
+
+def issue_json(issue: Issue) -> dict[str, Any]:
+    """An issue as plain data, and in words."""
+    return {
+        "kind": issue.kind,
+        "severity": issue.severity,
+        "joints": list(issue.joints),
+        "signal": issue.signal,
+        "message": issue_message(issue),
+        "values": dict(issue.values),
+        "fixes": [asdict(fix) for fix in issue.fixes],
+        "proposals": [asdict(proposal) for proposal in issue.proposals],
+    }

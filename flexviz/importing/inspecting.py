@@ -10,24 +10,26 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.importing.assembling import AssembledGroup, assemble
+from flexviz.checks import Issue
 from flexviz.importing.checking import check_all
-from flexviz.importing.clocks import coarse_clock, guess_clocks, guess_unit, likely_clocks
-from flexviz.importing.column_names import FORCE, LENGTH
-from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
-from flexviz.importing.cross_checks import find_scales
 from flexviz.importing.delays import clock_offsets, in_ms
 from flexviz.importing.draft import Draft, DraftJoint, Questions
-from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_run
-from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
-from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.ready_mappings import Recognised, recognised
+from flexviz.importing.scales import find_scales
 from flexviz.importing.torque_meaning import ask_for_meaning
+from flexviz.logs.assembling import AssembledGroup, assemble
+from flexviz.logs.clocks import coarse_clock, guess_clocks, guess_unit, likely_clocks
+from flexviz.logs.column_names import FORCE, LENGTH
+from flexviz.logs.columns import ColumnFamily, candidates, families_of, reason
+from flexviz.logs.formats import LETTERS, LogSource, find_logs, open_run
+from flexviz.logs.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
+from flexviz.logs.mapping import NEEDED, SIGNALS
 from flexviz.measurements import Array, read_robot
 from flexviz.mounting import GRAVITY
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
+from flexviz.wording import issue_message
 
 INSPECTED_LOGS = 3  # that are read; importing finds where further ones differ
 LISTED_COLUMNS = 60  # that were not recognised
@@ -308,11 +310,11 @@ def correct(
         remaining = check_all(mapping, robot, {"none": ()}, groups, guessed=True)
         certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]
         for issue in certain:
-            draft.apply(issue.fixes, issue.message)
+            draft.apply(issue.fixes, issue_message(issue))
         if not certain and not ask_for_scales(draft, remaining, asked):
             break
     # what a certain issue needs was applied; of an odd one the user decides
-    draft.proposals = [(proposal, issue.message) for issue in remaining for proposal in issue.remedies]
+    draft.proposals = [(proposal, issue_message(issue)) for issue in remaining for proposal in issue.remedies]
     return remaining
 
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from flexviz.charts import thin
 from flexviz.errors import InputError
-from flexviz.importing.column_names import TIME
 from flexviz.importing.draft import Draft
-from flexviz.importing.formats import find_logs, open_run
-from flexviz.importing.formats.base import ReadOptions, check_stop
+from flexviz.logs.column_names import TIME
+from flexviz.logs.formats import find_logs, open_run
+from flexviz.logs.formats.base import ReadOptions, check_stop
 from flexviz.measurements import Array
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never, part
 

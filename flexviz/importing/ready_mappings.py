@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from flexviz import toml
-from flexviz.importing.column_names import CURRENT, Meaning, Quantity
-from flexviz.importing.columns import ColumnFamily, pattern
-from flexviz.importing.formats.base import Log
-from flexviz.importing.mapping import FORMAT, TimeColumn
+from flexviz.logs.column_names import CURRENT, Meaning, Quantity
+from flexviz.logs.columns import ColumnFamily, pattern
+from flexviz.logs.formats.base import Log
+from flexviz.logs.mapping import FORMAT, TimeColumn
 from flexviz.schemas import Number, StrictTable, Text, validate
 
 FOLDER = Path(__file__).parent / "ready"

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.importing.columns import ColumnFamily
 from flexviz.importing.draft import Draft, Questions
-from flexviz.importing.formats.base import Log
+from flexviz.logs.columns import ColumnFamily
+from flexviz.logs.formats.base import Log
 from flexviz.robot import Robot
 
 VAGUE = ("effort", "load")  # words that name no quantity

@@ -22,10 +22,8 @@ from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_set, set_of
 from flexviz.measurements.robot_in_set import robot_files
 from flexviz.measurements.saturation import (
-    SATURATED,
     SeenLimit,
     bridged_torque,
-    saturated_text,
     seen_limits,
 )
 from flexviz.measurements.schema import (
@@ -39,7 +37,7 @@ from flexviz.measurements.schema import (
 )
 from flexviz.measurements.segments import POINTS, interpolate, pieces
 from flexviz.measurements.tables import readable, row_name
-from flexviz.measurements.torque_signals import TorqueRun, no_torque_text, silent_joints, silent_torques
+from flexviz.measurements.torque_signals import TorqueRun, silent_joints, silent_torques
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.measurements.writing import SUFFIXES, check_free, write_set
 
@@ -48,7 +46,6 @@ __all__ = [
     "GAP",
     "OPTIONAL_SIGNALS",
     "POINTS",
-    "SATURATED",
     "SUFFIXES",
     "Array",
     "Clamped",
@@ -76,7 +73,6 @@ __all__ = [
     "fingerprint",
     "interpolate",
     "likely_limits",
-    "no_torque_text",
     "overview",
     "pieces",
     "read_payloads",
@@ -88,7 +84,6 @@ __all__ = [
     "row_name",
     "same_recording",
     "sample_motion",
-    "saturated_text",
     "seen_limits",
     "set_of",
     "silent_joints",

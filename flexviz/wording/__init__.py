@@ -57,6 +57,15 @@ from flexviz.wording.findings import (
     where_text,
 )
 from flexviz.wording.glossary import GLOSSARY, Term, with_terms
+from flexviz.wording.issues import (
+    general,
+    issue_message,
+    issue_text,
+    keys_text,
+    no_torque_text,
+    saturated_text,
+    says,
+)
 from flexviz.wording.merging import (
     LIKELY,
     Families,

@@ -17,7 +17,8 @@ from flexviz.app.store import Store
 from flexviz.app.style import hidden, label_width
 from flexviz.app.uploads import new_folder
 from flexviz.app.workspace import output_dir
-from flexviz.importing import Draft, Issue, carry, edited, gaps
+from flexviz.checks import Issue
+from flexviz.importing import Draft, carry, edited, gaps
 from flexviz.mounting import DIRECTIONS
 from flexviz.view import (
     known_scales,
@@ -27,7 +28,7 @@ from flexviz.view import (
     own_state_html,
     remedy_text,
 )
-from flexviz.wording import escape
+from flexviz.wording import escape, issue_message, issue_text
 
 MOST_REMEDIES = 6  # buttons at once
 STOPPED = "stopped; the form is as it was"
@@ -195,7 +196,7 @@ class OwnRobot:
         if own is None or index >= len(fixable):
             return
         issue = fixable[index]
-        own.draft.accept(issue.remedies, issue.message)
+        own.draft.accept(issue.remedies, issue_message(issue))
         self._show_mounting(own.draft)
         self._issues = tuple(other for other in self._issues if other is not issue)
         self._checked, self._edits = False, self._edits + 1
@@ -233,7 +234,7 @@ class OwnRobot:
         off(self._anyway, why or ("" if wrong else "nothing is wrong: press Open"), "although it looks wrong")
         off(self._download, "", "the mapping file, for flexviz import")
         for button, issue in zip(self._remedies, self._fixable(), strict=False):
-            off(button, busy, str(issue))
+            off(button, busy, issue_text(issue))
 
     # -- the set -------------------------------------------------------------------------------------
 

@@ -1,0 +1,74 @@
+"""What a set's robot contradicts: an identification alone would silently fit a torque of the wrong sign."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from flexviz.checks.groups import check_groups
+from flexviz.checks.issues import Issue
+from flexviz.errors import Cancelled
+from flexviz.logs.mapping import parse
+from flexviz.measurements import GroupTable, MeasurementSet
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.wording import issue_text
+
+log = logging.getLogger(__name__)
+COMPARING = "comparing the torques with the robot's masses"
+
+
+def with_plausibility_warnings(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> MeasurementSet:
+    """The set with a warning, logged too, for everything that its robot's masses contradict.
+
+    Of many joints that takes a while: stopped, it finds nothing.
+    """
+    texts = plausibility_warnings(measurements, progress, should_stop)
+    for text in texts:
+        log.warning("%s", text)
+    return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
+
+
+def plausibility_warnings(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> list[str]:
+    """What a set's robot contradicts; nothing when stopped.
+
+    An identification alone would silently fit a torque of the wrong sign or an angle in degrees.
+    """
+    file = measurements.path / "measurements.toml"
+
+    def watch() -> None:
+        progress(Progress(COMPARING))
+        if should_stop():
+            raise Cancelled
+
+    try:
+        with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+            issues = issues_of_set(measurements, watch=watch)
+    except Cancelled:
+        return []
+    return [f"{file}: {issue_text(issue)}" for issue in issues if issue.severity == "wrong"]
+
+
+def issues_of_set(
+    measurements: MeasurementSet,
+    keys: dict[str, float] | None = None,
+    *,
+    watch: Callable[[], None] = lambda: None,
+) -> list[Issue]:
+    """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
+    # a mapping that takes the set's columns unchanged
+    joints = {
+        joint: {"theta": f"t{joint}", "tau": f"u{joint}", **(keys or {})} for joint in measurements.joints
+    }
+    document = {"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": joints}
+    groups = [
+        (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
+    ]
+    return check_groups(parse(document, Path("mapping")), measurements.robot, groups, watch=watch)
