@@ -26,10 +26,10 @@ from benchmarks.tables import markdown
 from flexviz.arrays import Array
 from flexviz.checks import Issue, issues_of_set
 from flexviz.measurements import Group, MeasurementSet, read_set
+from flexviz.wording import issue_message, issue_text
 
 SAMPLE_KINDS = {kind for one in KINDS.values() for kind in one.names} | {"jumps"}
 ANSWERS = "right", "doubt", "silent", "wrong cause"
-APART = "which these data do not tell apart"
 POSES = 1500  # of a group, at which gravity is computed
 
 
@@ -168,7 +168,7 @@ def answer(fault: ColumnFault, issues: Sequence[Issue]) -> str:
     """One of ANSWERS, and what was said unless it is the first."""
     if not issues:
         return "silent"
-    said = "; ".join(map(str, issues))
+    said = "; ".join(map(issue_text, issues))
 
     def names(issue: Issue, kind: str, joints: tuple[str, ...], signal: str) -> bool:
         return (
@@ -181,7 +181,7 @@ def answer(fault: ColumnFault, issues: Sequence[Issue]) -> str:
     ]
     if all(right) and not any(issue.severity == "wrong" for issue in others):
         return "right"
-    told = [i for i in others if not (APART in i.message and fault.hint and fault.hint in i.message)]
+    told = [i for i in others if not (i.alike and fault.hint and fault.hint in issue_message(i))]
     return f"wrong cause: {said}" if told else f"doubt: {said}"
 
 
@@ -215,7 +215,7 @@ def tried(paths: Sequence[str], seed: int, samples: bool) -> tuple[dict[str, Cou
             change(log)
             with TemporaryDirectory() as folder:
                 found = issues_of(Path(folder), measurements, group, log)
-            said = [str(issue) for issue in found if issue.kind in SAMPLE_KINDS]
+            said = [issue_text(issue) for issue in found if issue.kind in SAMPLE_KINDS]
             alarms["samples"] += bool(said)
             alarms["samples tried"] += 1
             for text in said:

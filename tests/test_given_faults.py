@@ -13,6 +13,7 @@ from flexviz.checks import Issue, issues_of_set
 from flexviz.cli import main
 from flexviz.importing import import_logs
 from flexviz.measurements import read_set
+from flexviz.wording import issue_message
 from tests.cases import slow
 
 pytestmark = pytest.mark.usefixtures("no_delay")
@@ -36,7 +37,7 @@ def test_three_permuted_columns() -> None:
     issue = order_issue(import_logs(place("06-three-columns-permuted") / "map.toml", None).issues)
     assert issue.joints == ("shoulder_yaw", "shoulder_pitch", "elbow") and issue.signal == "theta and tau"
     # the columns hold elbow, yaw, pitch
-    assert "in the order shoulder_pitch, elbow, shoulder_yaw" in issue.message
+    assert "in the order shoulder_pitch, elbow, shoulder_yaw" in issue_message(issue)
 
 
 @pytest.mark.parametrize(("name", "signals"), [("joint", "theta and tau"), slow("tau", "tau")])
@@ -59,4 +60,4 @@ def test_a_set_for_validation_only(command: str, tmp_path: Path, capsys: pytest.
 
 def test_torque_without_gravity() -> None:
     (issue,) = import_logs(place("01-torque-without-gravity") / "map.toml", None).issues
-    assert issue.kind == "gravity" and "not that of gravity" in issue.message
+    assert issue.kind == "gravity" and "not that of gravity" in issue_message(issue)

@@ -34,6 +34,7 @@ from flexviz.importing import formats, import_logs, inspect_logs
 from flexviz.logs.formats import find_logs, open_log
 from flexviz.logs.formats.base import Log, LogFormat, LogTable, ReadOptions
 from flexviz.measurements import read_set
+from flexviz.wording import issue_text
 
 DATA = truth(rows=1000)
 
@@ -47,7 +48,7 @@ def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
 def imported(mapping: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, θ and τ of the first group of the set that an import writes."""
     done = import_logs(mapping, mapping.parent / "set")
-    assert done.folder is not None, [str(s) for s in done.issues]
+    assert done.folder is not None, [issue_text(s) for s in done.issues]
     group = read_set(done.folder).groups[0]
     assert len(group.segments) == 1
     return group.time, group.segments[0].theta, group.segments[0].tau

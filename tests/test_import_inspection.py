@@ -24,6 +24,7 @@ from flexviz.logs.columns import candidates, find_families
 from flexviz.logs.formats import open_log
 from flexviz.logs.formats.base import Log, LogTable, ReadOptions
 from flexviz.robot import Robot
+from flexviz.wording import issue_text
 from tests.small_set import URDF
 
 DATA = truth(rows=1500)
@@ -155,7 +156,7 @@ def written(folder: Path, inspection: Inspection) -> Path:
 def same(folder: Path, mapping: Path) -> None:
     """A mapping imports to the truth."""
     done = import_logs(mapping, folder / "set")
-    assert done.folder is not None, [str(s) for s in done.issues]
+    assert done.folder is not None, [issue_text(s) for s in done.issues]
     table = done.groups[0].table
     assert np.abs(table.theta - DATA.theta).max() < 1e-9 and np.abs(table.tau - DATA.tau).max() < 1e-9
 

@@ -26,6 +26,7 @@ from flexviz.logs.formats import find_logs, open_log
 from flexviz.logs.formats.base import Log, LogTable, ReadOptions
 from flexviz.logs.mapping import parse
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.wording import issue_text
 from tests import controller_logs as logs
 from tests.cases import with_slow
 from tests.controller_logs import CONSTANTS, GEARS, RATED, Run
@@ -109,7 +110,7 @@ def imported(
         entry |= {"payload": made.names[i], "validation": i == 3}
     file = folder / "mapping.toml"
     done = import_logs(file, folder / "set", mapping=parse(document, file))
-    assert done.folder is not None, [str(issue) for issue in done.issues]
+    assert done.folder is not None, [issue_text(issue) for issue in done.issues]
     return read_set(done.folder)
 
 

@@ -31,7 +31,7 @@ def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[Joi
     if slope is None:
         return []
     if share < LIMITS.follows:
-        return [Issue("unrelated", "odd", (joint,), name, {"share": share})]
+        return [Issue("unexplained", "odd", (joint,), name, {"share": share})]
     if not 1 / LIMITS.near < slope < LIMITS.near:
         return [wrong_scale(mapping, joint, name, slope)]
     found: list[Issue] = []

@@ -292,13 +292,10 @@ def _swapped(issue: IssueLike) -> str:
     )
 
 
-@says("unrelated")
-def _unrelated(issue: IssueLike) -> str:
-    return f"it follows theta by {100 * issue.values['share']:.0f} % only: the same joint?"
-
-
 @says("unexplained")
 def _unexplained(issue: IssueLike) -> str:
+    if "share" in issue.values:
+        return f"it follows theta by {100 * issue.values['share']:.0f} % only: the same joint?"
     shares = issue.values["shares"]
     texts = list(map(percent, shares.values()))
     if len(set(texts)) > 1:
