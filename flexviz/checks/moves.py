@@ -33,6 +33,7 @@ class Move:
         signal: whose columns are concerned: "theta", "tau", "theta and tau", "payloads", "robot".
         change: the reading with it, of the reading without.
         name: distinguishes the moves of a kind on the same joints and signal.
+        groups: that are concerned, by number; none: all of them.
         fixes, proposals: keys of the mapping that undo it.
         prior: logarithm of the probability, against the others of its kind.
         values: further facts.
@@ -47,6 +48,12 @@ class Move:
     proposals: tuple[Proposal, ...] = ()
     prior: float = 0.0
     values: Mapping[str, Any] = field(default_factory=dict)
+    groups: tuple[int, ...] = ()
+
+    @property
+    def place(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Where it is: joints and groups."""
+        return self.joints, self.groups
 
     @property
     def key(self) -> tuple[str, tuple[int, ...], str, str]:
@@ -54,9 +61,10 @@ class Move:
         return self.kind, self.joints, self.signal, self.name
 
     def excludes(self, other: Move) -> bool:
-        """Whether both cannot be wrong: they are of one kind and signal and have a joint in common."""
+        """Whether both cannot be wrong: they are of one kind and signal, at a common place."""
         same = self.kind == other.kind and self.signal == other.signal
-        return same and bool(set(self.joints) & set(other.joints))
+        meet = not (self.groups and other.groups) or bool(set(self.groups) & set(other.groups))
+        return same and meet and bool(set(self.joints) & set(other.joints))
 
 
 @dataclass(frozen=True, eq=False)

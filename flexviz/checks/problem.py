@@ -81,7 +81,7 @@ class Readings:
     def larger(self, model: Model) -> Iterator[tuple[Hashable, Model]]:
         """Models with one more thing wrong, by the joints where it is."""
         for other in self.promising(model):
-            yield other.moves[-1].joints, other
+            yield other.moves[-1].place, other
 
     def exchanged(self, model: Model) -> Iterator[tuple[Hashable, Model]]:
         """Models in which something else is wrong instead of one thing."""
@@ -115,6 +115,8 @@ class Readings:
         if model.parts in self._promising:
             return self._promising[model.parts]
         comparison, room = self.comparison, self.comparison.room(model.reading)
+        if float(np.sum(room)) + np.log(LIMITS.fault) < SURE:  # nothing can be that probable
+            return self._promising.setdefault(model.parts, [])
         case = Case(self.mapping, comparison, model.reading, self.payloads_known)
         every = [model.with_(move) for move in moves(case) if self._worth(move, model, room)]
         spare = comparison.bound(model.reading, few=False) - comparison.bound(model.reading)
@@ -137,9 +139,21 @@ class Readings:
         return possible and not any(move.excludes(done) for done in model.moves)
 
     def explains(self, model: Model) -> bool:
-        """Whether the torques of the changed joints are explained: what is not may be improved by chance."""
-        shares = np.array([fit.share for fit in self.comparison.fits(model.reading)])
-        return all(np.median(shares[list(move.joints)]) >= LIMITS.explained for move in model.moves)
+        """Whether the torques of the changed joints are explained, and none less than without a move.
+
+        What is not explained may be improved by chance.
+        """
+        shares = self._shares(model)
+        return all(
+            np.median(shares[list(move.joints)]) >= LIMITS.explained
+            and np.all(shares > self._shares(self.without(model, move)) - LIMITS.model_error)
+            for move in model.moves
+        )
+
+    def _shares(self, model: Model) -> Array:
+        """(n,) of each joint's torque that is explained, at least nothing."""
+        fits = self.comparison.fits(model.reading)
+        return np.maximum([fit.share for fit in fits], 0.0)
 
     def alike(self, model: Model, move: Move) -> list[Move]:
         """Moves that explain the torques as well as one of a model, the most probable first."""

@@ -58,7 +58,7 @@ def check_torques(mapping: Mapping, comparison: Comparison, payloads_known: bool
             plain = [other for other in alike if other.kind == "coupling" and not other.values["converted"]]
             told, alike = (plain[0], [move]) if plain else (None, [])
         if told is not None:
-            found.append(_issue(mapping, comparison, now, told, alike))
+            found.append(_issue(mapping, comparison, now, told, alike, best))
         now = move.change(now)
     return found + unexplained(mapping, comparison, best, {joint for one in found for joint in one.joints})
 
@@ -74,7 +74,9 @@ def unexplained(mapping: Mapping, comparison: Comparison, best: Model, known: se
     return [Issue("unexplained", "odd", tuple(poor), "tau", {"shares": poor})] if poor else []
 
 
-def _issue(mapping: Mapping, comparison: Comparison, now: Reading, move: Move, alike: list[Move]) -> Issue:
+def _issue(
+    mapping: Mapping, comparison: Comparison, now: Reading, move: Move, alike: list[Move], best: Model
+) -> Issue:
     """The issue that a move resolves."""
     names = mapping.names
     before, after = comparison.fits(now), comparison.fits(move.change(now))
@@ -89,6 +91,8 @@ def _issue(mapping: Mapping, comparison: Comparison, now: Reading, move: Move, a
         any(other.kind != move.kind for other in alike)
         or move.kind in DOUBTFUL
         or not _supported(comparison, now, move)
+        # of an unstated payload only the mass is known: the torque of wrists may have any size
+        or (move.kind == "size" and any("mass" in other.values for other in best.moves))
     )
     severity: Severity = "odd" if doubtful else "wrong"
     others = [_of(mapping, other, severity) for other in alike if other.name not in ("scale", "q")]

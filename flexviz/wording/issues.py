@@ -115,6 +115,9 @@ def reason(issue: IssueLike) -> str:
             return "nothing but gravity in it"
         whose = " but the payload's" if "load" not in values["lacks"] else ""
         return f"no gravity{whose} in it" if whose else "no torque of gravity in it"
+    if issue.kind == "delay":
+        when = "late" if values["delay"] > 0 else "early"
+        return f"the torque stamped {1e3 * abs(values['delay']):.2g} ms {when}"
     if issue.kind == "magnitude":
         return "the sign that it lacks"
     if not issue.fixes and issue.kind == "unit":
@@ -125,8 +128,7 @@ def reason(issue: IssueLike) -> str:
 def _payloads(values: Mapping[str, Any]) -> str:
     names = listed(list(values["groups"]))
     if "mass" in values:
-        where = f"{number(values['mass'], 2)} kg more at the last link"
-        return where + ("" if values.get("all_groups") else f" in {names}")
+        return f"{number(values['mass'], 2)} kg more at the last link in {names}"
     return f"the payloads of {names} exchanged"
 
 
@@ -318,6 +320,8 @@ def _clock(issue: IssueLike) -> str:
 @says("delay")
 def _delay(issue: IssueLike) -> str:
     values = issue.values
+    if "text" not in values:
+        return f"{general(issue)}: is this drive polled after the others?"
     return (
         f"torque and acceleration disagree in time: {values['text']} ({values['samples']:.2g} samples); "
         'time.shift corrects it where tau has a clock of its own, the effect "torque_delay" fits it'

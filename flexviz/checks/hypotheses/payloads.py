@@ -6,9 +6,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 
+import numpy as np
+
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.robot import PayloadBody
+
+LEAST, LARGEST, TRIED = 0.02, 1.0, 8  # masses that are tried, in units of the robot's own
+HALVINGS = 3  # of the ratio of two of them
+POINT = np.zeros(6)  # [kg m²] inertia of a small body
 
 
 @hypothesis
@@ -30,3 +36,54 @@ def exchanged(case: Case) -> Iterator[Move]:
 
         values = {"groups": (names[one], names[other])}
         yield Move("payload", case.every, "payloads", carried, f"{one},{other}", values=values)
+
+
+@hypothesis
+def forgotten(case: Case) -> Iterator[Move]:
+    """A mass at the last link of one group that is not stated: the size that explains most.
+
+    One that all groups carry is like another mass of the link itself, and is identified with it.
+    """
+    now, stated, names = case.now.bodies, case.comparison.bodies, case.comparison.names
+    if not case.payloads_known or sum(a == b for a, b in zip(now, stated, strict=True)) < 2:
+        return
+    for g, name in enumerate(names):
+        mass = _likely_mass(case, g)
+
+        def carried(now: Reading, mass: float = mass, g: int = g) -> Reading:
+            return _carrying(case, now, mass, g)
+
+        values, prior = {"groups": (name,), "mass": mass}, float(-np.log(TRIED))
+        yield Move(
+            "payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,)
+        )
+
+
+def _likely_mass(case: Case, group: int) -> float:
+    """The mass that explains the torques of a group best [kg]."""
+
+    def score(mass: float) -> float:
+        return case.comparison.score(_carrying(case, case.now, mass, group))
+
+    least = float(np.sum(case.comparison.robot.cad_parameters[:, 0])) * LEAST
+    ratio = (LARGEST / LEAST) ** (1 / (TRIED - 1))
+    best = max((least * ratio**k for k in range(TRIED)), key=score)
+    for _ in range(HALVINGS):
+        ratio = np.sqrt(ratio)
+        best = max((best, best * ratio, best / ratio), key=score)
+    return float(best)
+
+
+def _carrying(case: Case, now: Reading, mass: float, group: int) -> Reading:
+    """A group with a mass more."""
+    more = (*now.bodies[group], _at_the_end(case, mass))
+    return replace(now, bodies=(*now.bodies[:group], more, *now.bodies[group + 1 :]))
+
+
+def _at_the_end(case: Case, mass: float) -> PayloadBody:
+    """A small body at the last link: where a stated payload of that link is, else at the link's own origin."""
+    link = case.comparison.robot.links[-1]
+    known = [body for bodies in case.now.bodies for body in bodies]
+    if known:
+        return PayloadBody(known[-1].link, mass, known[-1].com, POINT)
+    return PayloadBody(link, mass, np.zeros(3), POINT)
