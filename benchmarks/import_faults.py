@@ -120,6 +120,32 @@ def faults(measurements: MeasurementSet, rng: np.random.Generator) -> Iterator[C
         yield ColumnFault("payloads of two groups exchanged", data, {}, (("payload", joints, ""),), "payload")
 
 
+PAIRS = (
+    ("mounted: wall", "theta in degrees"),
+    ("mounted: ceiling", "tau in mNm"),
+    ("mounted: wall", "sign of tau, one joint"),
+    ("tau without gravity", "tau in mNm"),
+    ("sign of tau, one joint", "two joints exchanged"),
+    ("sign of tau, one joint", "theta in degrees, one joint"),
+    ("theta in degrees", "tau in mNm"),
+    ("joint turned round", "tau of two joints exchanged"),
+    ("zero off by a quarter turn", "tau in mNm"),
+    ("payloads of two groups exchanged", "sign of tau, all joints"),
+)
+
+
+def pairs(measurements: MeasurementSet, rng: np.random.Generator) -> Iterator[ColumnFault]:
+    """Two faults at once. Where columns are exchanged, the other fault may be named at either joint."""
+    for first, second in PAIRS:
+        one = next((f for f in faults(measurements, rng) if f.name == first), None)
+        two = one and next((f for f in faults(one.data, rng) if f.name == second), None)
+        if one and two:
+            wanted = (*one.wanted, *two.wanted)
+            if "exchanged" in second:
+                wanted = tuple((kind, (), signal) for kind, _, signal in wanted)
+            yield ColumnFault(f"{first} + {second}", two.data, one.keys | two.keys, wanted)
+
+
 def changed(
     measurements: MeasurementSet, theta: Any = 1.0, tau: Any = 1.0, zero: Any = 0.0,
     theta_order: Sequence[int] | None = None, tau_order: Sequence[int] | None = None,
@@ -172,7 +198,9 @@ def answer(fault: ColumnFault, issues: Sequence[Issue]) -> str:
 
     def names(issue: Issue, kind: str, joints: tuple[str, ...], signal: str) -> bool:
         return (
-            issue.kind == kind and set(issue.joints) == set(joints) and (not signal or issue.signal == signal)
+            issue.kind == kind
+            and (not joints or set(issue.joints) == set(joints))
+            and (not signal or issue.signal == signal)
         )
 
     right = [any(names(issue, *one) for issue in issues) for one in fault.wanted]
@@ -185,7 +213,9 @@ def answer(fault: ColumnFault, issues: Sequence[Issue]) -> str:
     return f"wrong cause: {said}" if told else f"doubt: {said}"
 
 
-def tried(paths: Sequence[str], seed: int, samples: bool) -> tuple[dict[str, Counter[str]], Counter[str]]:
+def tried(
+    paths: Sequence[str], seed: int, samples: bool, both: bool
+) -> tuple[dict[str, Counter[str]], Counter[str]]:
     """Answers to every kind of fault, and how often something was said of good data."""
     counts: dict[str, Counter[str]] = {}
     alarms: Counter[str] = Counter()
@@ -200,7 +230,7 @@ def tried(paths: Sequence[str], seed: int, samples: bool) -> tuple[dict[str, Cou
         rng = np.random.default_rng([seed, number])
         alarms["columns"] += bool(issues_of_set(measurements))
         alarms["columns tried"] += 1
-        for fault in faults(measurements, rng):
+        for fault in (pairs if both else faults)(measurements, rng):
             note(path, fault.name, answer(fault, issues_of_set(fault.data, fault.keys)))
         if not samples:
             continue
@@ -229,8 +259,9 @@ def main(
     *,
     seed: Annotated[int, "of the joints that are drawn"] = 0,
     columns: Annotated[bool, "no faults of samples"] = False,
+    two: Annotated[bool, "two faults of columns at once, none of samples"] = False,
 ) -> int:
-    counts, alarms = tried(sets, seed, not columns)
+    counts, alarms = tried(sets, seed, not (columns or two), two)
     for what in ("columns", "samples"):
         print(f"good {what}: {alarms[what]} of {alarms[f'{what} tried']} raised an issue")
     total = sum(counts.values(), Counter())
