@@ -23,10 +23,10 @@ import numpy as np
 from benchmarks.command import command
 from benchmarks.sample_faults import HARMLESS, KINDS, issues_of, log_of, named
 from benchmarks.tables import markdown
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 from flexviz.checks import Issue, issues_of_set
-from flexviz.measurements import Group, MeasurementSet, read_set
-from flexviz.wording import issue_message, issue_text
+from flexviz.content.wording import issue_message, issue_text
+from flexviz.data.measurements import Group, MeasurementSet, read_set
 
 SAMPLE_KINDS = {kind for one in KINDS.values() for kind in one.names} | {"jumps"}
 ANSWERS = "right", "doubt", "silent", "wrong cause"

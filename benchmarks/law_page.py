@@ -1,8 +1,8 @@
 """`python -m benchmarks.law_page OUT.html [--write]`: the law of every effect through its data, to look at.
 
-From one simulated set per effect, the one of `tests/test_laws.py`, with the right model and with a wrong one.
-Beside each picture: mean square of data − law relative to the noise. `--write` makes the pictures of the
-right models anew that the effects' pages show.
+From one simulated set per effect, the one of `tests/analysis/test_laws.py`, with the right model and with a
+wrong one. Beside each picture: mean square of data − law relative to the noise. `--write` makes the pictures
+of the right models anew that the effects' pages show.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from typing import Annotated
 
 from benchmarks.command import command
 from benchmarks.effect_pages.pages import LAWS
-from flexviz.charts import Chart
-from flexviz.charts.svg import FILE, draw_svg
-from flexviz.effects import EFFECTS
-from flexviz.laws import LawThroughData
-from flexviz.report import ReportDocument, Section, html
-from flexviz.report.blocks import Figures
-from flexviz.view import law_chart
-from tests.test_laws import OTHER, last_law, simulated
+from flexviz.analysis.laws import LawThroughData
+from flexviz.content.charts import Chart
+from flexviz.content.charts.svg import FILE, draw_svg
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.report import ReportDocument, Section, html
+from flexviz.outlets.report.blocks import Figures
+from flexviz.outlets.view import law_chart
+from tests.analysis.test_laws import OTHER, last_law, simulated
 
 HEIGHT = 190  # [px] of a chart
 

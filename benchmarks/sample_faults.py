@@ -1,6 +1,7 @@
 """Faults of samples that people's logs have, put into good recordings, and what looks like one and is none.
 
-`python -m benchmarks.import_faults SET…` counts how they are named; tests/test_import_samples.py asserts it.
+`python -m benchmarks.import_faults SET…` counts how they are named;
+tests/data/test_import_samples.py asserts it.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz import toml
+from flexviz.base import toml
 from flexviz.checks import Issue
-from flexviz.importing import import_logs
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.data.importing import import_logs
+from flexviz.data.measurements import Group, MeasurementSet
 
 Array = NDArray[Any]
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from flexviz.checks.issues import Issue
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.conversions import change_of, conversions
-from flexviz.logs.joint_parts import JointPart, followed, joint_parts
-from flexviz.logs.mapping import Fix, Mapping
-from flexviz.measurements import GroupTable
+from flexviz.data.logs.conversions import change_of, conversions
+from flexviz.data.logs.joint_parts import JointPart, followed, joint_parts
+from flexviz.data.logs.mapping import Fix, Mapping
+from flexviz.data.measurements import GroupTable
 
 
 def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> list[Issue]:

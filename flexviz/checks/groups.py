@@ -9,8 +9,8 @@ from flexviz.checks.issues import Issue, Severity
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.thresholds import LIMITS
 from flexviz.checks.torques import check_torques
-from flexviz.logs.mapping import Mapping
-from flexviz.robot import Robot
+from flexviz.data.logs.mapping import Mapping
+from flexviz.robot.robot import Robot
 
 
 def check_groups(

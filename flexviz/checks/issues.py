@@ -1,4 +1,4 @@
-"""What is wrong or odd with a recording, as facts: `flexviz.wording.issue_text` says it in words."""
+"""What is wrong or odd with a recording, as facts: `flexviz.content.wording.issue_text` says it in words."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexviz.logs.mapping import Fix
-from flexviz.logs.proposals import Proposal
+from flexviz.data.logs.mapping import Fix
+from flexviz.data.logs.proposals import Proposal
 
 Severity = Literal["wrong", "odd"]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.base.nonnegative import nonnegative_least_squares
 from flexviz.checks.thresholds import LIMITS
-from flexviz.measurements import Array
-from flexviz.nonnegative import nonnegative_least_squares
+from flexviz.data.measurements import Array
 
 STEPS = 6  # of the fit
 REVERSALS = 10.0, 100.0  # how steep friction reverses, per largest speed

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 from flexviz.checks.thresholds import LIMITS
-from flexviz.measurements import bridge
-from flexviz.robot import Robot
+from flexviz.data.measurements import bridge
+from flexviz.robot.robot import Robot
 
 WINDOW = 0.05  # [s] half width of the local parabolas that give velocity and acceleration
 INSTANTS = 200  # of a group

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.mapping import Fix
-from flexviz.logs.mapping import Mapping as LogMapping
-from flexviz.logs.proposals import Proposal
+from flexviz.data.logs.mapping import Fix
+from flexviz.data.logs.mapping import Mapping as LogMapping
+from flexviz.data.logs.proposals import Proposal
 
 if TYPE_CHECKING:
     from flexviz.checks.rigid import Comparison
@@ -28,7 +28,7 @@ class Move:
     """One thing that may be wrong.
 
     Attributes:
-        kind: of fault, see `flexviz.wording`.
+        kind: of fault, see `flexviz.content.wording`.
         joints: that are concerned.
         signal: whose columns are concerned: "theta", "tau", "theta and tau", "payloads", "robot".
         change: the reading with it, of the reading without.

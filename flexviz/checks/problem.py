@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
+from flexviz.base.search import Score
 from flexviz.checks.moves import Case, Move, moves, together
 from flexviz.checks.reading import Reading
 from flexviz.checks.rigid import Comparison
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.mapping import Mapping
-from flexviz.search import Score
+from flexviz.data.logs.mapping import Mapping
 
 ALIKE = float(np.log(LIMITS.alike))
 SURE = float(np.log(LIMITS.sure / (1 - LIMITS.sure)))  # odds

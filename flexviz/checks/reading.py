@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.arrays import Array, Bools
-from flexviz.robot import PayloadBody, Robot
+from flexviz.base.arrays import Array, Bools
+from flexviz.robot.robot import PayloadBody, Robot
 
 
 @dataclass(frozen=True, eq=False)

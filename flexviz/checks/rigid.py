@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from flexviz._pinocchio import pin
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
+from flexviz.base.errors import InputError
 from flexviz.checks.joint_fit import (
     UNKNOWN_SIZE,
     Band,
@@ -35,10 +35,10 @@ from flexviz.checks.joint_fit import (
 from flexviz.checks.motion import likely_limits, sample_motion
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.errors import InputError
-from flexviz.logs.joint_parts import followed, joint_parts
-from flexviz.measurements import GroupTable
-from flexviz.robot import PayloadBody, Robot
+from flexviz.data.logs.joint_parts import followed, joint_parts
+from flexviz.data.measurements import GroupTable
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.robot import PayloadBody, Robot
 
 LoadedTable = tuple[Sequence[PayloadBody], GroupTable]  # a group and the payload that it carried
 LARGEST_SAMPLE = 400  # instants of all groups together

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from flexviz.base.errors import Cancelled
+from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
-from flexviz.errors import Cancelled
-from flexviz.logs.mapping import parse
-from flexviz.measurements import GroupTable, MeasurementSet
-from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
-from flexviz.wording import issue_text
+from flexviz.content.wording import issue_text
+from flexviz.data.logs.mapping import parse
+from flexviz.data.measurements import GroupTable, MeasurementSet
 
 log = logging.getLogger(__name__)
 COMPARING = "comparing the torques with the robot's masses"

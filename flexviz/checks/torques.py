@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.base.search import Search
 from flexviz.checks.issues import Issue, Severity
 from flexviz.checks.moves import Move
 from flexviz.checks.problem import SURE, Model, Readings
 from flexviz.checks.reading import Reading
 from flexviz.checks.rigid import Comparison
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.mapping import Mapping
-from flexviz.search import Search
+from flexviz.data.logs.mapping import Mapping
 
 DOUBTFUL = ("zero", "coupling", "payload")  # which the shape of a torque does not prove
 

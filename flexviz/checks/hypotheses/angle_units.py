@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.conversions import GEARS, ColumnChange, theta_changes
-from flexviz.logs.mapping import Fix
+from flexviz.data.logs.conversions import GEARS, ColumnChange, theta_changes
+from flexviz.data.logs.mapping import Fix
 
 TRIED = 12  # scales between the smallest and the largest gear, of θ that no unit explains
 HALVINGS = 6  # of the ratio of two of them, to 1 % of the scale

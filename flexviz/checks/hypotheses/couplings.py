@@ -8,7 +8,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
 

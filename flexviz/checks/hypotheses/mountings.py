@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
-from flexviz.logs.proposals import Proposal
-from flexviz.mounting import DIRECTIONS
+from flexviz.data.logs.proposals import Proposal
+from flexviz.robot.mounting import DIRECTIONS
 
 
 @hypothesis

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
-from flexviz.robot import PayloadBody
+from flexviz.robot.robot import PayloadBody
 
 LEAST, LARGEST, TRIED = 0.02, 1.0, 8  # masses that are tried, in units of the robot's own
 HALVINGS = 3  # of the ratio of two of them
@@ -54,9 +54,7 @@ def forgotten(case: Case) -> Iterator[Move]:
             return _carrying(case, now, mass, g)
 
         values, prior = {"groups": (name,), "mass": mass}, float(-np.log(TRIED))
-        yield Move(
-            "payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,)
-        )
+        yield Move("payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,))
 
 
 def _likely_mass(case: Case, group: int) -> float:
@@ -77,7 +75,8 @@ def _likely_mass(case: Case, group: int) -> float:
 def _carrying(case: Case, now: Reading, mass: float, group: int) -> Reading:
     """A group with a mass more."""
     more = (*now.bodies[group], _at_the_end(case, mass))
-    return replace(now, bodies=(*now.bodies[:group], more, *now.bodies[group + 1 :]))
+    before, after = now.bodies[:group], now.bodies[group + 1 :]
+    return replace(now, bodies=(*before, more, *after))
 
 
 def _at_the_end(case: Case, mass: float) -> PayloadBody:

@@ -10,7 +10,7 @@ import numpy as np
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.mapping import Fix
+from flexviz.data.logs.mapping import Fix
 
 
 @hypothesis

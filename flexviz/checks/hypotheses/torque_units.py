@@ -8,13 +8,13 @@ from itertools import product
 
 import numpy as np
 
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 from flexviz.checks.moves import Case, Move, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.logs.column_names import CURRENT
-from flexviz.logs.conversions import ColumnChange, change_of, conversions
-from flexviz.logs.mapping import Mapping
+from flexviz.data.logs.column_names import CURRENT
+from flexviz.data.logs.conversions import ColumnChange, change_of, conversions
+from flexviz.data.logs.mapping import Mapping
 
 
 def resized(by: Array) -> Callable[[Reading], Reading]:
