@@ -32,16 +32,16 @@ from typing import Any
 import numpy as np
 import psutil
 
-from flexviz.app import DEMO
-from flexviz.app.application import Application
-from flexviz.app.server import start_server
-from flexviz.app.sets import open_set
-from flexviz.app.tasks import Diagnose, Identify
-from flexviz.identification import identify
-from flexviz.jobs import Task
-from flexviz.measurements import GroupTable, write_set
-from flexviz.resources import sessions_dir
-from flexviz.robot import Robot
+from flexviz.analysis.identification import identify
+from flexviz.base.jobs import Task
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import GroupTable, write_set
+from flexviz.outlets.app import DEMO
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.server import start_server
+from flexviz.outlets.app.sets import open_set
+from flexviz.outlets.app.tasks import Diagnose, Identify
+from flexviz.robot.robot import Robot
 
 SAMPLES, RATE, JOINTS = 20_000, 1000.0, 7
 PAGE, SLIDER, GROWTH = 3.0, 0.05, 50.0  # [s], [s], [MB an hour]: what they are to stay below

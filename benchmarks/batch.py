@@ -27,9 +27,9 @@ from typing import Literal
 import psutil
 
 from benchmarks.command import command
-from flexviz.batch import ClusterChoice, read_batch, spread
-from flexviz.measurements import overview
-from flexviz.resources import sessions_dir
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import overview
+from flexviz.outlets.batch import ClusterChoice, read_batch, spread
 
 DEMO = sessions_dir() / "planar-2r-demo"
 SETS = 24

@@ -1,11 +1,11 @@
 """Diagnoses sets with one constant changed; the text of this file runs by `python -c` in any version.
 
-    python -c TEXT list                         the constants of flexviz.diagnosis, one a line
+    python -c TEXT list                         the constants of flexviz.analysis.diagnosis, one a line
     python -c TEXT PLACE FACTOR SET ...         one line of JSON for each set
 
-PLACE is a path of fields below the dataclass THRESHOLDS of flexviz.diagnosis.thresholds, as in
-"search.rounds", or a module and a name in it, as in "flexviz.diagnosis.curves:RESONANCES". A default of an
-argument keeps the value that it had when its function was made.
+PLACE is a path of fields below the dataclass THRESHOLDS of flexviz.analysis.diagnosis.thresholds, as in
+"search.rounds", or a module and a name in it, as in "flexviz.analysis.diagnosis.curves:RESONANCES". A default
+of an argument keeps the value that it had when its function was made.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-import flexviz.diagnosis
+import flexviz.analysis.diagnosis
 
 
 def is_number(value: Any) -> bool:
@@ -37,16 +37,16 @@ def fields(thresholds: Any, path: str = "") -> Iterator[tuple[str, Any, str]]:
 
 def modules() -> Iterator[Any]:
     """Every module of the diagnosis."""
-    package = flexviz.diagnosis
+    package = flexviz.analysis.diagnosis
     for entry in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
         yield importlib.import_module(entry.name)
 
 
 def places() -> dict[str, tuple[list[Any], str]]:
     """Place → who has the number, and its name there."""
-    loaded = [flexviz.diagnosis, *modules()]
+    loaded = [flexviz.analysis.diagnosis, *modules()]
     others = [m for name, m in sys.modules.items() if name.startswith("flexviz.") and m not in loaded]
-    thresholds = importlib.import_module("flexviz.diagnosis.thresholds").THRESHOLDS
+    thresholds = importlib.import_module("flexviz.analysis.diagnosis.thresholds").THRESHOLDS
     out = {path: ([owner], name) for path, owner, name in fields(thresholds)}
     for module in loaded:
         for name, value in vars(module).items():
@@ -79,10 +79,10 @@ def main(arguments: list[str]) -> None:
                 object.__setattr__(owner, name, value)  # they are frozen
             else:
                 setattr(owner, name, value)
-    read_set = importlib.import_module("flexviz.measurements").read_set
+    read_set = importlib.import_module("flexviz.data.measurements").read_set
     for folder in sets:
         try:
-            got = flexviz.diagnosis.diagnose(read_set(folder), apply=True).to_dict()
+            got = flexviz.analysis.diagnosis.diagnose(read_set(folder), apply=True).to_dict()
             effects = sorted(f"{e['effect']}:{e.get('joint')}" for e in got["model"]["effects"])
             said = {"verdict": got["verdict"], "last": got["steps"][-1]["verdict"], "effects": effects}
         except Exception as error:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.filtered_logs import butterworth, low_pass
 from benchmarks.running import Json
-from flexviz.measurements import GroupTable
+from flexviz.data.measurements import GroupTable
 
 Array = NDArray[np.float64]
 

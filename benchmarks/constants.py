@@ -24,7 +24,7 @@ from typer import BadParameter
 from benchmarks.command import command
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGE = Path("flexviz") / "diagnosis"
+PACKAGE = Path("flexviz") / "analysis" / "diagnosis"
 WRAPPERS = {"tuple", "frozenset", "array", "MappingProxyType", "dict", "float", "sqrt", "log", "exp"}
 NUMBERS = {"pi", "inf", "e"}  # of math or numpy
 THRESHOLD, CONSTANT, DEFAULT = "threshold", "constant", "default"
@@ -55,7 +55,7 @@ def count_lines(folder: Path) -> tuple[int, int]:
 
 
 def constants(tree: Path) -> list[Constant]:
-    """Those of flexviz/diagnosis in a source tree."""
+    """Those of flexviz/analysis/diagnosis in a source tree."""
     out = []
     for file in sorted((tree / PACKAGE).rglob("*.py")):
         module = ast.parse(file.read_text(encoding="utf-8"), filename=str(file))

@@ -21,8 +21,8 @@ import numpy as np
 
 from benchmarks.command import command
 from benchmarks.independent import cases, files
-from flexviz.diagnosis import diagnose
-from flexviz.measurements import read_set
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.data.measurements import read_set
 
 DRIVING, ALONE = "driving_friction", "load_dependent_friction"
 SHARE = 0.03  # from which it is to be named

@@ -20,7 +20,7 @@ from benchmarks.diagnosis_study.cases import generator
 from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.making import plan_of, write_case
 from benchmarks.running import is_made, say
-from flexviz.simulation import Plan, Run
+from flexviz.model.simulation import Plan, Run
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from typing import Any
 
 from benchmarks.command import command
 from benchmarks.running import alone, say
-from flexviz.errors import FlexvizError
+from flexviz.base.errors import FlexvizError
 
 PATIENCE = 30  # [s] for one input
 PER_CHILD = 2000  # inputs

@@ -24,18 +24,18 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from benchmarks.fuzz import Reader
-from flexviz.app.sets import open_set
-from flexviz.app.uploads import UploadFolder, take
-from flexviz.errors import FlexvizError
-from flexviz.importing import import_logs
-from flexviz.importing.formats import LogSource, ReadOptions, find_logs, open_run
-from flexviz.measurements import read_set
-from flexviz.recording import check_recording, read_recording, record_set
-from flexviz.results import read_result
-from flexviz.robot import Robot
-from flexviz.scene import robot_shape
-from flexviz.session import open_session, save_session
-from flexviz.view import set_html
+from flexviz.base.errors import FlexvizError
+from flexviz.content.results import read_result
+from flexviz.content.scene import robot_shape
+from flexviz.content.session import open_session, save_session
+from flexviz.data.importing import import_logs
+from flexviz.data.importing.formats import LogSource, ReadOptions, find_logs, open_run
+from flexviz.data.measurements import read_set
+from flexviz.outlets.app.sets import open_set
+from flexviz.outlets.app.uploads import UploadFolder, take
+from flexviz.outlets.recording import check_recording, read_recording, record_set
+from flexviz.outlets.view import set_html
+from flexviz.robot.robot import Robot
 from tests import import_data
 from tests.small_session import small_session
 from tests.small_set import write_small_set
@@ -117,7 +117,7 @@ decoder = lru_cache(maxsize=1)(Decoder)  # started when first used
 
 def read_rrd(folder: Path) -> None:
     """A recording without its SHA-256."""
-    with mock.patch("flexviz.recording.reading.subprocess.run", decoder().run):
+    with mock.patch("flexviz.outlets.recording.reading.subprocess.run", decoder().run):
         check_recording(folder / "a.rrd")
     read_recording(folder / "a.rrd")
 
@@ -246,7 +246,7 @@ def make_upload(folder: Path) -> None:
 
 def make_result(folder: Path) -> None:
     kept = small_session(folder / "small")[1].analysis
-    from flexviz.files import as_json
+    from flexviz.base.files import as_json
 
     for name in ("identification", "diagnosis"):
         (folder / f"{name}.json").write_text(as_json(getattr(kept, name).to_dict()))

@@ -20,14 +20,14 @@ from benchmarks.command import command
 from benchmarks.real import held_out_share
 from benchmarks.rigid import rigid_held_out
 from benchmarks.tables import markdown
-from flexviz.arrays import Array
-from flexviz.charts.svg import draw_svg
-from flexviz.diagnosis import Diagnosis, Finding, diagnose
-from flexviz.identification import identify
-from flexviz.importing import import_logs
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.view import staircase_chart
-from flexviz.wording import estimate_words, finding_name, listed, short_names, values_text
+from flexviz.analysis.diagnosis import Diagnosis, Finding, diagnose
+from flexviz.analysis.identification import identify
+from flexviz.base.arrays import Array
+from flexviz.content.charts.svg import draw_svg
+from flexviz.content.wording import estimate_words, finding_name, listed, short_names, values_text
+from flexviz.data.importing import import_logs
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.outlets.view import staircase_chart
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PAGE, PICTURES = RESULTS / "public-recordings.md", RESULTS / "images" / "robots"

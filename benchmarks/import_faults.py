@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.command import command
 from benchmarks.sample_faults import HARMLESS, KINDS, issues_of, log_of, named
 from benchmarks.tables import markdown
-from flexviz.arrays import Array
-from flexviz.importing import Issue, issues_of_set
-from flexviz.measurements import Group, MeasurementSet, read_set
+from flexviz.base.arrays import Array
+from flexviz.data.importing import Issue, issues_of_set
+from flexviz.data.measurements import Group, MeasurementSet, read_set
 
 SAMPLE_KINDS = {kind for one in KINDS.values() for kind in one.names} | {"jumps"}
 ANSWERS = "right", "doubt", "silent", "wrong cause"

@@ -19,8 +19,8 @@ from benchmarks.command import command
 from benchmarks.independent import make_case
 from benchmarks.tables import plain
 from flexviz import identify, read_set
-from flexviz.identification import Identification
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.identification import Identification
+from flexviz.base.statistics import NORMAL_95
 
 EFFECTS = (
     "coulomb_friction", "quadratic_friction", "torque_offset", "cable_spring", "stiffness_hardening",

@@ -20,13 +20,13 @@ from pathlib import Path
 
 from benchmarks.command import command
 from benchmarks.fuzz_readers import make_mapping
-from flexviz.cli import main as flexviz
-from flexviz.errors import FlexvizError
-from flexviz.files import ABANDONED, PART, remove_leftovers
-from flexviz.measurements import read_set
-from flexviz.recording import TruncatedRecording, check_recording, repair_recording
-from flexviz.results import read_result
-from flexviz.robot import Robot
+from flexviz.base.errors import FlexvizError
+from flexviz.base.files import ABANDONED, PART, remove_leftovers
+from flexviz.content.results import read_result
+from flexviz.data.measurements import read_set
+from flexviz.outlets.recording import TruncatedRecording, check_recording, repair_recording
+from flexviz.outlets.terminal import main as flexviz
+from flexviz.robot.robot import Robot
 from tests.small_set import write_small_set
 
 SEED = 5

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.command import command
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.resources import sessions_dir
-from flexviz.session import Session, open_session, save_session
+from flexviz.analysis.identification import identify
+from flexviz.base.resources import sessions_dir
+from flexviz.content.session import Session, open_session, save_session
+from flexviz.data.measurements import MeasurementSet, read_set
 
 SEED = 5
 

@@ -16,13 +16,13 @@ from typing import Annotated
 
 from benchmarks.command import command
 from benchmarks.effect_pages.pages import LAWS
-from flexviz.charts import Chart
-from flexviz.charts.svg import FILE, draw_svg
-from flexviz.effects import EFFECTS
-from flexviz.laws import LawThroughData
-from flexviz.report import ReportDocument, Section, html
-from flexviz.report.blocks import Figures
-from flexviz.view import law_chart
+from flexviz.analysis.laws import LawThroughData
+from flexviz.content.charts import Chart
+from flexviz.content.charts.svg import FILE, draw_svg
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.report import ReportDocument, Section, html
+from flexviz.outlets.report.blocks import Figures
+from flexviz.outlets.view import law_chart
 from tests.test_laws import OTHER, last_law, simulated
 
 HEIGHT = 190  # [px] of a chart

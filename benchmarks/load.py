@@ -20,7 +20,7 @@ import pyarrow.parquet as papq
 
 from benchmarks.command import command
 from benchmarks.running import alone, peak_megabytes
-from flexviz.measurements import read_set
+from flexviz.data.measurements import read_set
 
 RATE = 1000.0  # [1/s]
 JOINTS = [f"panda_joint{i + 1}" for i in range(7)]

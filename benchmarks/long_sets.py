@@ -21,10 +21,10 @@ import numpy as np
 
 from benchmarks.command import command
 from benchmarks.running import alone, peak_megabytes
-from flexviz.diagnosis import diagnose
-from flexviz.measurements import read_set
-from flexviz.progress import Progress
-from flexviz.simulation import Plan, inject, make_plan, random_fourier, simulate_plan, write_plan
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.base.progress import Progress
+from flexviz.data.measurements import read_set
+from flexviz.model.simulation import Plan, inject, make_plan, random_fourier, simulate_plan, write_plan
 
 HIDDEN = {"friction": ("coulomb_friction:panda_joint2", "coulomb_friction:panda_joint4"), "clean": ()}
 PERIOD = 12.0  # [s] of the preset's motions, which have six harmonics

@@ -17,8 +17,8 @@ from benchmarks.command import command
 from benchmarks.peers.sets import planar_inertial
 from benchmarks.running import read
 from flexviz import diagnose, make_observer, read_set
-from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.measurements import MeasurementSet
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.equation import Equation, build_signals, layout_of
 
 BAND = 2 * np.pi * 8.0  # [rad/s]
 STEP, EDGE = 0.002, 0.5  # [s] of the equation's samples; dropped at both ends

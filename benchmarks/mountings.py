@@ -13,8 +13,8 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.command import command
 from benchmarks.independent import make_case
-from flexviz.importing import Issue, issues_of_set
-from flexviz.measurements import read_set
+from flexviz.data.importing import Issue, issues_of_set
+from flexviz.data.measurements import read_set
 
 TURN = math.pi / 2
 MOUNTED = {  # turns of the base about x, then about the world's y [rad] -> what is to be stated

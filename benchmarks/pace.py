@@ -14,10 +14,10 @@ import time
 from pathlib import Path
 
 from benchmarks.command import command
-from flexviz.diagnosis import diagnose
-from flexviz.measurements import read_set
-from flexviz.progress import Pace, Progress
-from flexviz.wording import STAGE_SHARES
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.base.progress import Pace, Progress
+from flexviz.content.wording import STAGE_SHARES
+from flexviz.data.measurements import read_set
 
 SLACK = 1.0  # [s] by which a bound may be missed
 FIRST = 1 / 3  # share of the time before which nothing is judged

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from benchmarks.command import command
 from benchmarks.peers.prepare import moving_urdf
-from flexviz.measurements import GroupTable, write_set
+from flexviz.data.measurements import GroupTable, write_set
 
 Array = NDArray[np.float64]
 

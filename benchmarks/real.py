@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from benchmarks.command import command
 from benchmarks.running import alone, peak_megabytes
 from benchmarks.tables import markdown
-from flexviz.diagnosis import diagnose
-from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.model import FlexibleModel
-from flexviz.observers import ButterworthZeroPhase
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.equation import Equation, build_signals, layout_of
+from flexviz.model.observers import ButterworthZeroPhase
+from flexviz.robot.model import FlexibleModel
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from typing import Annotated
 
 from benchmarks.command import command
 from benchmarks.killed_commands import RECORD, kill_all
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.recording import LiveRecording
-from flexviz.resources import sessions_dir
+from flexviz.analysis.identification import identify
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.outlets.recording import LiveRecording
 
 DEMO = sessions_dir() / "planar-2r-demo"
 

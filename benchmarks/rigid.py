@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.real import MOVING
-from flexviz.effects import choose_effects
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.link import LinkDynamics
-from flexviz.estimation.base_inertials import base_parameters
-from flexviz.identification import Identification
-from flexviz.measurements import MeasurementSet
-from flexviz.observers import make_observer
+from flexviz.analysis.estimation.base_inertials import base_parameters
+from flexviz.analysis.identification import Identification
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import choose_effects
+from flexviz.model.equation import Equation, Layout, build_signals
+from flexviz.model.equation.link import LinkDynamics
+from flexviz.model.observers import make_observer
 
 Array = NDArray[np.float64]
 

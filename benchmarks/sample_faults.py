@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz import toml
-from flexviz.importing import Issue, import_logs
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.base import toml
+from flexviz.data.importing import Issue, import_logs
+from flexviz.data.measurements import Group, MeasurementSet
 
 Array = NDArray[Any]
 

@@ -22,8 +22,8 @@ from benchmarks.diagnosis_study.robots import from_urdf, stiff_groups
 from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.making import integration_step, write_case
 from benchmarks.running import is_made, say
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.simulation import PDController, Plan, Reference, Sensors, perturbed
+from flexviz.model.simulation import PDController, Plan, Reference, Sensors, perturbed
+from flexviz.robot.model import EffectValue, FlexibleModel
 
 JOINT = "servo"
 STIFFNESS = 600.0  # [Nm/rad] a deflection of 1 mrad

@@ -21,14 +21,14 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command import command
 from benchmarks.peers.flexviz_answer import counted
-from flexviz._pinocchio import pin
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.estimation.least_squares import gauss_newton
-from flexviz.estimation.start import Start, start_values
-from flexviz.measurements import MeasurementSet, Segment, read_set
-from flexviz.observers import CausalEso, make_observer
-from flexviz.resources import sessions_dir
-from flexviz.simulation import make_plan, simulate_preset
+from flexviz.analysis.estimation.least_squares import gauss_newton
+from flexviz.analysis.estimation.start import Start, start_values
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import MeasurementSet, Segment, read_set
+from flexviz.model.equation import Equation, Layout, build_signals
+from flexviz.model.observers import CausalEso, make_observer
+from flexviz.model.simulation import make_plan, simulate_preset
+from flexviz.robot._pinocchio import pin
 
 SIMULATED = 2.0  # [s]
 

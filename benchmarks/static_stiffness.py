@@ -24,7 +24,7 @@ import pyarrow.parquet as parquet
 from benchmarks.command import command
 from benchmarks.independent import make_case
 from flexviz import identify, read_set
-from flexviz.arrays import Array
+from flexviz.base.arrays import Array
 
 ROBOT, SECONDS = "ur5", 6.0  # of each motion
 PUSH = np.array([40.0, 40.0, 30.0, 10.0, 10.0, 10.0])  # [Nm] of the motors of a UR5

@@ -29,11 +29,11 @@ from benchmarks.diagnosis_study.robots import stiff_plan
 from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.making import integration_step, write_case
 from benchmarks.running import case_folder, is_made, read, say, truth_file
-from flexviz import diagnosis
-from flexviz.effects import JointState
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.simulation import ExtraLaw, Plan, Pull, Run, Sensors
+from flexviz.analysis import diagnosis
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import JointState
+from flexviz.model.simulation import ExtraLaw, Plan, Pull, Run, Sensors
 
 ROBOTS = ("2r", "ur5")
 CLASSES = {"series-elastic": 0.03, "strain-wave": 0.4, "stiff": 4.0}  # times that of the study's robots

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from flexviz.wording import markdown_table
+from flexviz.content.wording import markdown_table
 
 T = TypeVar("T")
 Table = list[list[str]]

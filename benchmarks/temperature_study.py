@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.command import command
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.measurements import read_set
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.simulation import Plan, Run, make_plan, move, record, write_plan
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.data.measurements import read_set
+from flexviz.model.simulation import Plan, Run, make_plan, move, record, write_plan
+from flexviz.robot.model import EffectValue, FlexibleModel
 
 EFFECT = "temperature_friction"
 RANGE = 20.0  # [K] between the coldest and the warmest group

@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.command import command
-from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.estimation import Bounds, Prior, Solved, TwoBandData, Whitening, solve, start_values
-from flexviz.identification import identify, parameter_estimates
-from flexviz.identification.thresholds import IDENTIFICATION
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.observers import make_observer
-from flexviz.simulation import make_plan, move, record, write_plan
+from flexviz.analysis.estimation import Bounds, Prior, Solved, TwoBandData, Whitening, solve, start_values
+from flexviz.analysis.identification import identify, parameter_estimates
+from flexviz.analysis.identification.thresholds import IDENTIFICATION
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.equation import Equation, build_signals, layout_of
+from flexviz.model.observers import make_observer
+from flexviz.model.simulation import make_plan, move, record, write_plan
+from flexviz.robot.model import EffectValue, FlexibleModel
 
 Array = NDArray[np.float64]
 

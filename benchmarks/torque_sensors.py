@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from flexviz import identify, read_set
-from flexviz.equation import torque_evidence
-from flexviz.simulation.plan import Plan
-from flexviz.simulation.presets import PRESETS
-from flexviz.simulation.run import Run
-from flexviz.simulation.sets import move, record, write_plan
+from flexviz.model.equation import torque_evidence
+from flexviz.model.simulation.plan import Plan
+from flexviz.model.simulation.presets import PRESETS
+from flexviz.model.simulation.run import Run
+from flexviz.model.simulation.sets import move, record, write_plan
 
 SEEDS = 10
 

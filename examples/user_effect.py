@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 import flexviz
-from flexviz.cli import main
+from flexviz.outlets.terminal import main
 
 EFFECTS = Path(__file__).resolve().parent / "user_effects.py"
 

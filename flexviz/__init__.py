@@ -20,50 +20,50 @@ __version__ = "0.1.0"
 STARTED = time.monotonic()  # [s]
 
 _NAMES = {
-    "designing": "Design DesignSettings design write_design",
-    "diagnosis": "Diagnosis Finding diagnose",
-    "effects": "load_effects",
-    "charts": "Figure",
-    "errors": "Cancelled ConvergenceError FlexvizError InputError MissingPackage",
-    "exporting": "export",
-    "identification": "FitSettings Identification SweepResult identify sweep",
-    "importing": "import_logs",
-    "iteration": "Iteration",
-    "measurements": "Group MeasurementSet Segment read_set write_set",
-    "model": "EffectValue FlexibleModel",
-    "observers": "OBSERVERS EsoGains LiveObserver Observer make_observer",
-    "parallel": "on_cores",
-    "progress": "Progress",
-    "records": "CriterionNumbers Interval ParameterEstimate ResidualSummary",
-    "results": "ParameterNotFound ResultDocument read_result",
-    "robot": "PayloadBody Robot",
-    "simulation": "replay simulate_run",
-    "workflows": "record write_report",
+    "analysis.designing": "Design DesignSettings design write_design",
+    "analysis.diagnosis": "Diagnosis Finding diagnose",
+    "analysis.identification": "FitSettings Identification SweepResult identify sweep",
+    "base.errors": "Cancelled ConvergenceError FlexvizError InputError MissingPackage",
+    "base.iteration": "Iteration",
+    "base.parallel": "on_cores",
+    "base.progress": "Progress",
+    "content.charts": "Figure",
+    "content.records": "CriterionNumbers Interval ParameterEstimate ResidualSummary",
+    "content.results": "ParameterNotFound ResultDocument read_result",
+    "data.importing": "import_logs",
+    "data.measurements": "Group MeasurementSet Segment read_set write_set",
+    "model.effects": "load_effects",
+    "model.observers": "OBSERVERS EsoGains LiveObserver Observer make_observer",
+    "model.simulation": "replay simulate_run",
+    "outlets.exporting": "export",
+    "outlets.workflows": "record write_report",
+    "robot.model": "EffectValue FlexibleModel",
+    "robot.robot": "PayloadBody Robot",
 }  # module -> what it defines
 _WHERE = {name: f"flexviz.{module}" for module, names in _NAMES.items() for name in names.split()}
-_WHERE["Session"] = "flexviz.session:OpenedSession"
+_WHERE["Session"] = "flexviz.content.session:OpenedSession"
 
 if TYPE_CHECKING:
-    from flexviz.charts import Figure
-    from flexviz.designing import Design, DesignSettings, design, write_design
-    from flexviz.diagnosis import Diagnosis, Finding, diagnose
-    from flexviz.effects import load_effects
-    from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError, MissingPackage
-    from flexviz.exporting import export
-    from flexviz.identification import FitSettings, Identification, SweepResult, identify, sweep
-    from flexviz.importing import import_logs
-    from flexviz.iteration import Iteration
-    from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
-    from flexviz.model import EffectValue, FlexibleModel
-    from flexviz.observers import OBSERVERS, EsoGains, LiveObserver, Observer, make_observer
-    from flexviz.parallel import on_cores
-    from flexviz.progress import Progress
-    from flexviz.records import CriterionNumbers, Interval, ParameterEstimate, ResidualSummary
-    from flexviz.results import ParameterNotFound, ResultDocument, read_result
-    from flexviz.robot import PayloadBody, Robot
-    from flexviz.session import OpenedSession as Session
-    from flexviz.simulation import replay, simulate_run
-    from flexviz.workflows import record, write_report
+    from flexviz.analysis.designing import Design, DesignSettings, design, write_design
+    from flexviz.analysis.diagnosis import Diagnosis, Finding, diagnose
+    from flexviz.analysis.identification import FitSettings, Identification, SweepResult, identify, sweep
+    from flexviz.base.errors import Cancelled, ConvergenceError, FlexvizError, InputError, MissingPackage
+    from flexviz.base.iteration import Iteration
+    from flexviz.base.parallel import on_cores
+    from flexviz.base.progress import Progress
+    from flexviz.content.charts import Figure
+    from flexviz.content.records import CriterionNumbers, Interval, ParameterEstimate, ResidualSummary
+    from flexviz.content.results import ParameterNotFound, ResultDocument, read_result
+    from flexviz.content.session import OpenedSession as Session
+    from flexviz.data.importing import import_logs
+    from flexviz.data.measurements import Group, MeasurementSet, Segment, read_set, write_set
+    from flexviz.model.effects import load_effects
+    from flexviz.model.observers import OBSERVERS, EsoGains, LiveObserver, Observer, make_observer
+    from flexviz.model.simulation import replay, simulate_run
+    from flexviz.outlets.exporting import export
+    from flexviz.outlets.workflows import record, write_report
+    from flexviz.robot.model import EffectValue, FlexibleModel
+    from flexviz.robot.robot import PayloadBody, Robot
 
 __all__ = [
     "OBSERVERS",

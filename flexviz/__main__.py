@@ -9,7 +9,7 @@ def command() -> int:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from flexviz.cli import main
+    from flexviz.outlets.terminal import main
 
     signal.signal(signal.SIGINT, before)
     return main()

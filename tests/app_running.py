@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app.application import Application
-from flexviz.app.input_rules import rule_of
-from flexviz.app.server import start_server
-from flexviz.app.sets import open_set
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.input_rules import rule_of
+from flexviz.outlets.app.server import start_server
+from flexviz.outlets.app.sets import open_set
 
 BROWSER = 7  # the number of a browser that is not there
 PATIENCE = 300.0  # [s] for anything; a test that waits so long has failed

@@ -11,10 +11,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.importing import importing
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.resources import sessions_dir
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.base.resources import sessions_dir
+from flexviz.data.importing import importing
+from flexviz.data.measurements import MeasurementSet, read_set
 
 
 @pytest.fixture(scope="session")

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._pinocchio import pin
-from flexviz.effects import EFFECTS, JointMotion, LawEffect
-from flexviz.effects.elastic_joint import hardened
-from flexviz.exporting import IdentifiedRobot, identified_robot
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.model import FlexibleModel
-from flexviz.results import ResultDocument
-from flexviz.simulation import Plan, inject, make_plan, simulate_plan, write_plan
-from flexviz.simulation.sets import true_effects, true_parameters
+from flexviz.content.results import ResultDocument
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.model.effects.elastic_joint import hardened
+from flexviz.model.simulation import Plan, inject, make_plan, simulate_plan, write_plan
+from flexviz.model.simulation.sets import true_effects, true_parameters
+from flexviz.outlets.exporting import IdentifiedRobot, identified_robot
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import FlexibleModel
 
 Array = NDArray[np.float64]
 SAMPLES = 1024

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.diagnosis import BandwidthCheck, Diagnosis, Evidence, Finding, ParameterCurve, Step
-from flexviz.model import FlexibleModel
-from flexviz.records import (
+from flexviz.analysis.diagnosis import BandwidthCheck, Diagnosis, Evidence, Finding, ParameterCurve, Step
+from flexviz.content.records import (
     Absorbed,
     Decoys,
     EffectEntry,
@@ -24,6 +23,7 @@ from flexviz.records import (
     ResidualMap,
     Tie,
 )
+from flexviz.robot.model import FlexibleModel
 
 JOINTS = ("joint1", "joint2")
 TIME = np.linspace(0.0, 4.0, 200)

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 from mcap_ros2.writer import Writer
 
-from flexviz._pinocchio import pin
+from flexviz.robot._pinocchio import pin
 from tests.small_set import URDF
 
 JOINTS = ("joint1", "joint2")

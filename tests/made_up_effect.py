@@ -1,4 +1,4 @@
-"""An effect that the library does not have, written as `flexviz/effects/saturating_friction.py` would be."""
+"""An effect that the library does not have, written as `effects/saturating_friction.py` would be."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from flexviz.effects.effect import JointScale
-from flexviz.effects.law import LawEffect
-from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+from flexviz.model.effects.effect import JointScale
+from flexviz.model.effects.law import LawEffect
+from flexviz.model.effects.terms import Array, JointMotion, ParameterSpec
 
 
 class SaturatingFriction(LawEffect):

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.simulation import Plan, make_plan, simulate_plan, write_plan
 
 TWO = ("t1p1", "t2p2")  # other motions and payloads
 HELD_OUT = (*TWO, "t4p2")  # and one for validation
@@ -30,7 +30,7 @@ def shorten_presets(
     def short(*given: Any, **named: Any) -> Plan:
         return of_groups(make_plan(*given, **named), groups, duration)
 
-    monkeypatch.setattr("flexviz.simulation.sets.make_plan", short)
+    monkeypatch.setattr("flexviz.model.simulation.sets.make_plan", short)
 
 
 def planar_set(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.session import Session
+from flexviz.analysis.identification import identify
+from flexviz.content.session import Session
+from flexviz.data.measurements import MeasurementSet, read_set
 from tests.found import DIAGNOSIS
 from tests.small_set import write_small_set
 

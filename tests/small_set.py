@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as papq
 
-from flexviz._pinocchio import pin
+from flexviz.robot._pinocchio import pin
 
 LINK = """<link name="{name}"><inertial><origin xyz="0.25 0 0"/><mass value="4"/>
     <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

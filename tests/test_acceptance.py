@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.acceptance import NOT_PROVED, acceptance_scope, judge, read_limits
-from flexviz.cli import main
-from flexviz.errors import InputError
-from flexviz.measurements import read_set
-from flexviz.report import diagnosed_session, session_report
-from flexviz.results import ResultDocument
+from flexviz.analysis.acceptance import NOT_PROVED, acceptance_scope, judge, read_limits
+from flexviz.base.errors import InputError
+from flexviz.content.results import ResultDocument
+from flexviz.data.measurements import read_set
+from flexviz.outlets.report import diagnosed_session, session_report
+from flexviz.outlets.terminal import main
 from tests.found import DIAGNOSIS, JOINTS
 from tests.small_set import write_small_set
 
@@ -163,7 +163,7 @@ def test_command_passes_fails_and_refuses(
 ) -> None:
     folder, saved, out = write_small_set(tmp_path / "small"), tmp_path / "result.json", tmp_path / "out.json"
     found = replace(DIAGNOSIS, set_name="small", torque_spread=(2.0, 4.0))
-    monkeypatch.setattr("flexviz.diagnosis.diagnose", lambda *given, **named: found)
+    monkeypatch.setattr("flexviz.analysis.diagnosis.diagnose", lambda *given, **named: found)
     call = ["verify", str(folder), "--require", str(written(tmp_path, ALL_MET)), "--json", str(out)]
     assert main(call) == 0
     shown, document = capsys.readouterr().out, json.loads(out.read_text())
@@ -173,7 +173,7 @@ def test_command_passes_fails_and_refuses(
     written(tmp_path, "[default]\nheld_out_percent = 1")
     assert main(["diagnose", str(folder), "--apply", "--json", str(saved)]) == 0
     capsys.readouterr()
-    monkeypatch.setattr("flexviz.diagnosis.diagnose", None)  # a saved result needs no diagnosis
+    monkeypatch.setattr("flexviz.analysis.diagnosis.diagnose", None)  # a saved result needs no diagnosis
     assert main([*call, "--result", str(saved)]) == 1
     shown = capsys.readouterr().out
     assert "FAIL joint1 held-out error 1.05 % of the torque (21.0 mNm) at most 1 % of the torque" in " ".join(

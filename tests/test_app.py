@@ -10,18 +10,18 @@ from typing import Any, TypeVar
 import numpy as np
 import pytest
 
-from flexviz.app import DEMO
-from flexviz.app.application import Application
-from flexviz.app.sets import sets_beside
-from flexviz.app.steps.data import DataStep
-from flexviz.app.steps.identify import IdentifyStep
-from flexviz.app.steps.observer import ObserverStep
-from flexviz.app.steps.step import WorkflowStep
-from flexviz.app.tasks import Identify, Sweep
-from flexviz.effects import EFFECTS
-from flexviz.resources import sessions_dir
-from flexviz.view import COMMON_EFFECTS
-from flexviz.view.fit_charts import SWEEP_COUNT
+from flexviz.base.resources import sessions_dir
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.app import DEMO
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.sets import sets_beside
+from flexviz.outlets.app.steps.data import DataStep
+from flexviz.outlets.app.steps.identify import IdentifyStep
+from flexviz.outlets.app.steps.observer import ObserverStep
+from flexviz.outlets.app.steps.step import WorkflowStep
+from flexviz.outlets.app.tasks import Identify, Sweep
+from flexviz.outlets.view import COMMON_EFFECTS
+from flexviz.outlets.view.fit_charts import SWEEP_COUNT
 from tests.app_running import (
     act,
     chart,
@@ -116,7 +116,7 @@ def test_undo_takes_back_one_whole_drag(app: Application, monkeypatch: pytest.Mo
     before = app.store.analysis.fit.bandwidth
     for width in (60.0, 70.0, 80.0):
         use(app, "Bandwidth [rad/s]", np.log10(width))
-    monkeypatch.setattr("flexviz.app.store.PAUSE", 0.0)  # as if the slider had rested
+    monkeypatch.setattr("flexviz.outlets.app.store.PAUSE", 0.0)  # as if the slider had rested
     use(app, "Bandwidth [rad/s]", np.log10(200.0))
     app.store.undo()
     assert app.store.analysis.fit.bandwidth == pytest.approx(80.0, rel=0.01)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from flexviz.app import access
-from flexviz.app.access import admitted
-from flexviz.app.server import start_server
-from flexviz.errors import InputError
+from flexviz.base.errors import InputError
+from flexviz.outlets.app import access
+from flexviz.outlets.app.access import admitted
+from flexviz.outlets.app.server import start_server
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from flexviz.app import cameras
-from flexviz.app.cameras import HIDDEN_AFTER, Cameras, read_report
-from flexviz.errors import InputError
-from flexviz.robot import Robot
-from flexviz.scene import Box, Screen, robot_shape, scene_layout
+from flexviz.base.errors import InputError
+from flexviz.content.scene import Box, Screen, robot_shape, scene_layout
+from flexviz.outlets.app import cameras
+from flexviz.outlets.app.cameras import HIDDEN_AFTER, Cameras, read_report
+from flexviz.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app.server import start_server
-from flexviz.app.uplot import UplotChart, columns
-from flexviz.charts import Chart, ChartSeries
+from flexviz.content.charts import Chart, ChartSeries
+from flexviz.outlets.app.server import start_server
+from flexviz.outlets.app.uplot import UplotChart, columns
 
 TIME = np.linspace(0.0, 1.0, 5)
 

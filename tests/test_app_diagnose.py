@@ -14,23 +14,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app import DEMO
-from flexviz.app.application import Application, first_step
-from flexviz.app.sets import open_set
-from flexviz.app.steps.data import DataStep
-from flexviz.app.steps.deciding import DECIDE, DOWNLOAD
-from flexviz.app.steps.diagnose import DiagnoseStep
-from flexviz.app.tasks import JudgeErrors, open_fitted
-from flexviz.diagnosis import Diagnosis, Step, prediction_errors
-from flexviz.identification import identify
-from flexviz.records import FreeCurve
-from flexviz.report import session_report
-from flexviz.report.content import gather
-from flexviz.report.sections.summary import numbers
-from flexviz.resources import sessions_dir
-from flexviz.session import identified_errors, open_session, save_session
-from flexviz.view import model_curve_charts, staircase_charts
-from flexviz.wording import number
+from flexviz.analysis.diagnosis import Diagnosis, Step, prediction_errors
+from flexviz.analysis.identification import identify
+from flexviz.base.resources import sessions_dir
+from flexviz.content.records import FreeCurve
+from flexviz.content.session import identified_errors, open_session, save_session
+from flexviz.content.wording import number
+from flexviz.outlets.app import DEMO
+from flexviz.outlets.app.application import Application, first_step
+from flexviz.outlets.app.sets import open_set
+from flexviz.outlets.app.steps.data import DataStep
+from flexviz.outlets.app.steps.deciding import DECIDE, DOWNLOAD
+from flexviz.outlets.app.steps.diagnose import DiagnoseStep
+from flexviz.outlets.app.tasks import JudgeErrors, open_fitted
+from flexviz.outlets.report import session_report
+from flexviz.outlets.report.content import gather
+from flexviz.outlets.report.sections.summary import numbers
+from flexviz.outlets.view import model_curve_charts, staircase_charts
 from tests.app_running import reopen, running, send, status, until, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET, TIED_DIAGNOSIS
 
@@ -235,7 +235,7 @@ def test_a_second_stop_ends_at_once_but_a_double_click_does_not(
     assert "Stop again ends it at once" in status(app)
     use(app, "Stop")
     assert graces == [math.inf]
-    monkeypatch.setattr("flexviz.app.state.DOUBLE_CLICK", 0.0)
+    monkeypatch.setattr("flexviz.outlets.app.state.DOUBLE_CLICK", 0.0)
     use(app, "Stop")
     assert graces == [math.inf, 0.0]
     wait(app)

@@ -13,17 +13,17 @@ from typing import Any
 
 import pytest
 
-from flexviz.app import DEMO, workspace
-from flexviz.app.application import Application
-from flexviz.app.input_rules import upload_refusal
-from flexviz.app.steps.another_set import AnotherSet
-from flexviz.app.steps.data import DataStep
-from flexviz.app.workspace import PRESETS, SimulateQuiz, hideable, output_dir
-from flexviz.errors import InputError
-from flexviz.measurements import read_set
-from flexviz.progress import ignore, never
-from flexviz.resources import sessions_dir
-from flexviz.session import SESSION_FILE
+from flexviz.base.errors import InputError
+from flexviz.base.progress import ignore, never
+from flexviz.base.resources import sessions_dir
+from flexviz.content.session import SESSION_FILE
+from flexviz.data.measurements import read_set
+from flexviz.outlets.app import DEMO, workspace
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.input_rules import upload_refusal
+from flexviz.outlets.app.steps.another_set import AnotherSet
+from flexviz.outlets.app.steps.data import DataStep
+from flexviz.outlets.app.workspace import PRESETS, SimulateQuiz, hideable, output_dir
 from tests.app_running import BROWSER, command, control, reopen, running, status, until, upload, use, wait
 from tests.small_set import URDF, write_small_set
 from tests.test_app_uploads import set_files, zip_of
@@ -242,7 +242,7 @@ def test_what_may_be_uploaded(app: Application) -> None:
 
 
 def test_the_downloaded_zip_is_plain(app: Application) -> None:
-    from flexviz.session import zipped
+    from flexviz.content.session import zipped
 
     with zipfile.ZipFile(io.BytesIO(zipped(app.store.measurements.path))) as archive:
         assert all(not name.startswith("/") and ".." not in name for name in archive.namelist())

@@ -14,12 +14,12 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from flexviz.app import access
-from flexviz.app.access import RateLimit, is_loopback
-from flexviz.app.events import EventQueue
-from flexviz.app.page import Page
-from flexviz.app.server import start_server
-from flexviz.errors import InputError
+from flexviz.base.errors import InputError
+from flexviz.outlets.app import access
+from flexviz.outlets.app.access import RateLimit, is_loopback
+from flexviz.outlets.app.events import EventQueue
+from flexviz.outlets.app.page import Page
+from flexviz.outlets.app.server import start_server
 
 viser = pytest.importorskip("viser")
 
@@ -248,7 +248,7 @@ def test_uploads_that_stop_do_not_block_others(
         payloads.append(_decoded(data))
     said = [m for p in payloads for m in p["messages"] if m.get("type") == "NotificationShowMessage"]
     assert "4 uploads run already" in str(said)
-    monkeypatch.setattr("flexviz.app.viser_private.UPLOAD_PATIENCE", -1.0)
+    monkeypatch.setattr("flexviz.outlets.app.viser_private.UPLOAD_PATIENCE", -1.0)
     client.send(packed(message | {"transfer_uuid": "last"}))
     settle(controls.queue, client, controls)
     assert list(states) == ["last"]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.app import application
-from flexviz.app.steps import STEPS
-from flexviz.app.steps.step import WorkflowStep
+from flexviz.outlets.app import application
+from flexviz.outlets.app.steps import STEPS
+from flexviz.outlets.app.steps.step import WorkflowStep
 from tests.app_running import command, running, settle, status, use
 from tests.small_set import write_small_set
 

@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from flexviz.app.application import Application
-from flexviz.app.steps.own_robot import OwnRobot
-from flexviz.measurements import read_set
-from flexviz.robot import Robot
-from flexviz.view import set_html
+from flexviz.data.measurements import read_set
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.steps.own_robot import OwnRobot
+from flexviz.outlets.view import set_html
+from flexviz.robot.robot import Robot
 from tests.app_running import act, command, control, running, send, status, until, upload, use, wait
 from tests.import_data import truth, write_robot
 from tests.small_set import URDF, write_small_set

@@ -13,8 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flexviz.app.events import MAX_QUEUE_LENGTH, Event, EventQueue
-from flexviz.app.input_rules import (
+from flexviz.base.errors import InputError
+from flexviz.outlets.app.events import MAX_QUEUE_LENGTH, Event, EventQueue
+from flexviz.outlets.app.input_rules import (
     Rule,
     choice,
     increasing,
@@ -25,12 +26,11 @@ from flexviz.app.input_rules import (
     switch,
     text,
 )
-from flexviz.app.page import off
-from flexviz.app.playback import PlaybackClock
-from flexviz.app.state import Changed, ChangeSignal, Turn
-from flexviz.app.style import Tooltips, css_text, in_row
-from flexviz.app.viser_private import LoopEvent
-from flexviz.errors import InputError
+from flexviz.outlets.app.page import off
+from flexviz.outlets.app.playback import PlaybackClock
+from flexviz.outlets.app.state import Changed, ChangeSignal, Turn
+from flexviz.outlets.app.style import Tooltips, css_text, in_row
+from flexviz.outlets.app.viser_private import LoopEvent
 
 NUMBER = partial(number, low=0.0, high=10.0)
 PAIR = partial(increasing, one=partial(number, low=0.0, high=5.0), count=2)

@@ -20,13 +20,13 @@ from urllib.request import urlopen
 import pytest
 
 from benchmarks.clients import CAMERA, Crowd, messages, packed
-from flexviz.app.application import Application
-from flexviz.app.recordings import local_address, model_label
-from flexviz.app.steps.data import DataStep
-from flexviz.app.steps.files import Files
-from flexviz.app.workspace import output_dir
-from flexviz.errors import InputError
-from flexviz.recording import check_recording
+from flexviz.base.errors import InputError
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.recordings import local_address, model_label
+from flexviz.outlets.app.steps.data import DataStep
+from flexviz.outlets.app.steps.files import Files
+from flexviz.outlets.app.workspace import output_dir
+from flexviz.outlets.recording import check_recording
 from tests.app_running import BROWSER, PATIENCE, control, finish, running, status, until, use, wait
 from tests.small_set import write_small_set
 
@@ -150,7 +150,7 @@ def test_a_viewer_that_goes_away_takes_nothing_with_it(
         def __getattr__(self, name: str) -> Any:
             return lambda *_: self.told.append(name)
 
-    monkeypatch.setattr("flexviz.recording.LiveRecording", Recording)
+    monkeypatch.setattr("flexviz.outlets.recording.LiveRecording", Recording)
     files_of(app)._address.value = "127.0.0.1:9876"
     use(app, "Live viewer", True)
     until(app, lambda: "Sent to 127.0.0.1:9876" in files_of(app)._note.content)

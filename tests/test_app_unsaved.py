@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.app.application import Application
-from flexviz.app.server import start_server
-from flexviz.app.sets import open_set
-from flexviz.app.steps.data import DataStep
-from flexviz.app.workspace import output_dir, unsaved_dir
-from flexviz.session import Autosave, Session, find_unsaved
+from flexviz.content.session import Autosave, Session, find_unsaved
+from flexviz.outlets.app.application import Application
+from flexviz.outlets.app.server import start_server
+from flexviz.outlets.app.sets import open_set
+from flexviz.outlets.app.steps.data import DataStep
+from flexviz.outlets.app.workspace import output_dir, unsaved_dir
 from tests.app_running import status, until, use
 from tests.small_set import write_small_set
 

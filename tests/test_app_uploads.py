@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.app import uploads
-from flexviz.app.uploads import UploadFolder, new_folder, safe_name, take, unpack
-from flexviz.errors import InputError
-from flexviz.measurements import read_set
-from flexviz.robot_files import resolve_mesh
-from flexviz.session import Session, save_session
+from flexviz.base.errors import InputError
+from flexviz.content.session import Session, save_session
+from flexviz.data.measurements import read_set
+from flexviz.outlets.app import uploads
+from flexviz.outlets.app.uploads import UploadFolder, new_folder, safe_name, take, unpack
+from flexviz.robot.robot_files import resolve_mesh
 from tests.small_set import write_small_set
 from tests.test_bad_robots import chain
 
@@ -188,10 +188,10 @@ def test_an_endless_name_is_none(incoming: UploadFolder) -> None:
 
 
 def test_an_incoming_has_limits(monkeypatch: pytest.MonkeyPatch, incoming: UploadFolder) -> None:
-    monkeypatch.setattr("flexviz.app.uploads.LARGEST_SET", 10)
+    monkeypatch.setattr("flexviz.outlets.app.uploads.LARGEST_SET", 10)
     with pytest.raises(InputError, match="together"):
         incoming.put("a.csv", b"x" * 11)
-    monkeypatch.setattr("flexviz.app.uploads.MAX_FILES", 1)
+    monkeypatch.setattr("flexviz.outlets.app.uploads.MAX_FILES", 1)
     incoming.put("a.csv", b"")
     with pytest.raises(InputError, match="more than 1 files"):
         incoming.put("b.csv", b"")

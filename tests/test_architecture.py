@@ -138,7 +138,7 @@ VISERS_PAGE = re.compile(
 
 
 def test_viser_inside_is_known_to_one_place() -> None:
-    from flexviz.app.viser_private import TRIED_WITH
+    from flexviz.outlets.app.viser_private import TRIED_WITH
 
     found, private = list[str](), "viser_private"
     for path in (file for file in sorted((PACKAGE / "app").rglob("*.*")) if file.suffix in (".py", ".js")):
@@ -155,7 +155,7 @@ def test_viser_inside_is_known_to_one_place() -> None:
                 if isinstance(node, ast.Attribute) and re.match("_(?!_)", node.attr)
                 if ast.unparse(node.value) not in ("self", "cls")
             ]
-    assert not found, f"what leans on viser's inside belongs into flexviz/app/{private}.py or .js"
+    assert not found, f"what leans on viser's inside belongs into flexviz/outlets/app/{private}.py or .js"
     pinned = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert f'"viser=={TRIED_WITH}"' in pinned and metadata.version("viser") == TRIED_WITH
 
@@ -186,7 +186,9 @@ def test_simulator_is_independent_of_the_identification() -> None:
         for path in SOURCES
         if unit(path) == "simulation"
         for name, line in imports(path)
-        if name.startswith(("flexviz.equation", "flexviz.estimation", "flexviz.identification"))
+        if name.startswith(
+            ("flexviz.model.equation", "flexviz.analysis.estimation", "flexviz.analysis.identification")
+        )
     ]
     assert not wrong, "a simulator built on the identification's equation would only confirm it"
 
@@ -371,8 +373,8 @@ SLOW = "scipy.interpolate scipy.io scipy.optimize scipy.signal scipy.stats"  # u
     "code, unused",
     [
         ("import flexviz", f"{HEAVY} pyarrow pinocchio scipy numpy"),
-        ("import flexviz.cli", f"{HEAVY} pyarrow pinocchio scipy numpy"),
-        ("import flexviz.diagnosis, flexviz.importing", f"{HEAVY} {SLOW}"),
+        ("import flexviz.outlets.terminal", f"{HEAVY} pyarrow pinocchio scipy numpy"),
+        ("import flexviz.analysis.diagnosis, flexviz.data.importing", f"{HEAVY} {SLOW}"),
     ],
 )
 def test_import_is_light(code: str, unused: str) -> None:

@@ -11,8 +11,8 @@ import pytest
 import xarray
 
 import flexviz
-from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
-from flexviz.measurements.data import Segment
+from flexviz.data.measurements import GroupTable, MeasurementSet, read_set, write_set
+from flexviz.data.measurements.data import Segment
 
 ROBOT = "robots:planar_2r"
 JOINTS = ("joint1", "joint2")

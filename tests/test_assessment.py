@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.measurements.writing import GroupTable, write_set
-from flexviz.results import ResultDocument, assessment, hints, lacks_effects
+from flexviz.analysis.identification import identify
+from flexviz.content.results import ResultDocument, assessment, hints, lacks_effects
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.data.measurements.writing import GroupTable, write_set
 from tests.planar_arm import HELD_OUT, planar_set
 
 

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_set import URDF, columns, write_small_set, write_table
 
-from flexviz.errors import FlexvizError, InputError, one_line
-from flexviz.measurements import read_set
+from flexviz.base.errors import FlexvizError, InputError, one_line
+from flexviz.data.measurements import read_set
 
 Spoil = Callable[[Path], object]
 

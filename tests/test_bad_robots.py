@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.measurements import read_set
-from flexviz.robot import Robot
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import read_set
+from flexviz.robot.robot import Robot
 from tests.small_set import JOINT, LINK, URDF, write_small_set
 
 VISUAL = "<visual><geometry>{}</geometry></visual></link>"

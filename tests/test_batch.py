@@ -13,11 +13,19 @@ import pyarrow.parquet as papq
 import pytest
 
 from flexviz import FitSettings
-from flexviz.batch import ClusterChoice, SetOptions, read_batch, run_batch, set_results, tasks, working
-from flexviz.batch.cluster import _Spread
-from flexviz.batch.sources import find_sets
-from flexviz.cli import main
-from flexviz.errors import InputError
+from flexviz.base.errors import InputError
+from flexviz.outlets.batch import (
+    ClusterChoice,
+    SetOptions,
+    read_batch,
+    run_batch,
+    set_results,
+    tasks,
+    working,
+)
+from flexviz.outlets.batch.cluster import _Spread
+from flexviz.outlets.batch.sources import find_sets
+from flexviz.outlets.terminal import main
 from tests.small_set import write_small_set
 
 HERE = ClusterChoice(workers=1, processes=False)

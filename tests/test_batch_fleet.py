@@ -10,10 +10,10 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from flexviz.batch import FleetRow, drift_text, histories, outliers
-from flexviz.batch.page import found_text, summary_page
-from flexviz.batch.table import read_table, write_table
-from flexviz.records import Grade, ParameterEstimate
+from flexviz.content.records import Grade, ParameterEstimate
+from flexviz.outlets.batch import FleetRow, drift_text, histories, outliers
+from flexviz.outlets.batch.page import found_text, summary_page
+from flexviz.outlets.batch.table import read_table, write_table
 
 LABELS = ("stiffness:joint1", "stiffness:joint2", "viscous_friction_sum:joint1")
 STD = 2.0

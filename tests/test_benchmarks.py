@@ -5,8 +5,8 @@ import re
 import pytest
 
 from benchmarks import import_faults, real, speed
-from flexviz.measurements import read_set
-from flexviz.resources import sessions_dir
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import read_set
 from tests.planar_arm import HELD_OUT, planar_set
 
 

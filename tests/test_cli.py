@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from flexviz.cli import main, terminal
-from flexviz.cli.options import parse_bandwidth
-from flexviz.errors import InputError
-from flexviz.iteration import Iteration
-from flexviz.progress import Progress
-from flexviz.results import interval
+from flexviz.base.errors import InputError
+from flexviz.base.iteration import Iteration
+from flexviz.base.progress import Progress
+from flexviz.content.results import interval
+from flexviz.outlets.terminal import main, terminal
+from flexviz.outlets.terminal.options import parse_bandwidth
 
 COMMANDS = ("identify", "simulate", "serve", "record", "effects", "diagnose", "export")
 
@@ -109,7 +109,7 @@ def test_help_loads_nothing_heavy() -> None:
     """What makes a command slow to answer is what it imports."""
     code = (
         "import sys\n"
-        "from flexviz.cli import main\n"
+        "from flexviz.outlets.terminal import main\n"
         "try:\n    status = main(['--help'])\nexcept SystemExit as end:\n    status = end.code\n"
         f"print('loaded', sorted(set({HEAVY!r}) & set(sys.modules)), status or 0)"
     )

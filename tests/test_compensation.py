@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.cli import main
-from flexviz.compensation import (
+from flexviz.base.errors import InputError
+from flexviz.content.session import is_session
+from flexviz.data.measurements import read_set
+from flexviz.model.compensation import (
     FrictionTable,
     compare_friction,
     deflection,
@@ -20,12 +22,10 @@ from flexviz.compensation import (
     read_friction_table,
     sliding_friction,
 )
-from flexviz.effects import EFFECT_FAMILIES
-from flexviz.errors import InputError
-from flexviz.measurements import read_set
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.session import is_session
-from flexviz.simulation import make_plan, simulate_plan, write_plan
+from flexviz.model.effects import EFFECT_FAMILIES
+from flexviz.model.simulation import make_plan, simulate_plan, write_plan
+from flexviz.outlets.terminal import main
+from flexviz.robot.model import EffectValue, FlexibleModel
 from tests.planar_arm import of_groups, shorten_presets
 
 FRICTION = (

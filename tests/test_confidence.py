@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.criterion import Criterion, confidence, gain, split, unexplained
-from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.analysis.diagnosis.criterion import Criterion, confidence, gain, split, unexplained
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from tests.toy_regression import residuals_of
 
 LIMITS = THRESHOLDS.criterion

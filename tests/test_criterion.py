@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import huber as scipy_huber
 
-from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.criterion import (
+from flexviz.analysis.diagnosis.coarse import Coarse
+from flexviz.analysis.diagnosis.criterion import (
     Criterion,
     Gain,
     Score,
@@ -20,12 +20,12 @@ from flexviz.diagnosis.criterion import (
     criterion_of,
     gain,
 )
-from flexviz.diagnosis.fine import Fine
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout
-from flexviz.motion import MOTION, MotionContext, Residuals, deviations, huber
+from flexviz.analysis.diagnosis.fine import Fine
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
+from flexviz.analysis.motion import MOTION, MotionContext, Residuals, deviations, huber
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.toy_regression import autoregressive, residuals_of
 

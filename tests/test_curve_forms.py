@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from flexviz.effects import EFFECTS, CurveForm, curve_points, draft_effect, forget_effects, load_effects
-from flexviz.effects import simple_form as form_of
-from flexviz.effects.curve_forms import DIRECTIONS, FAMILIES
+from flexviz.model.effects import EFFECTS, CurveForm, curve_points, draft_effect, forget_effects, load_effects
+from flexviz.model.effects import simple_form as form_of
+from flexviz.model.effects.curve_forms import DIRECTIONS, FAMILIES
 
 X = np.linspace(-1.0, 1.4, 40)
 SPEED = np.linspace(0.0, 2.0, 40)

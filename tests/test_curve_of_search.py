@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flexviz import diagnose, identify
-from flexviz.batch.rows import fleet_row
-from flexviz.batch.sources import BatchSet
-from flexviz.batch.tasks import TaskResult
-from flexviz.diagnosis import Diagnosis, why_no_curve
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.records import curve_tables
+from flexviz.analysis.diagnosis import Diagnosis, why_no_curve
+from flexviz.content.records import curve_tables
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.outlets.batch.rows import fleet_row
+from flexviz.outlets.batch.sources import BatchSet
+from flexviz.outlets.batch.tasks import TaskResult
 from tests.unknown_laws import Rough, set_with
 
 SHARED = Path(__file__).parents[2] / "shared" / "robotlike"

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.importing.formats import open_log
-from flexviz.importing.formats.base import Log, ReadOptions
+from flexviz.base.errors import InputError
+from flexviz.data.importing.formats import open_log
+from flexviz.data.importing.formats.base import Log, ReadOptions
 
 NAMES = ["time", "theta_1", "tau_1"]
 SEPARATORS = pytest.mark.parametrize("separator", [",", ";", "\t"])

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.estimation import Bounds, Descent, NormalEquations, Reach
-from flexviz.estimation import descent as loop
+from flexviz.analysis.estimation import Bounds, Descent, NormalEquations, Reach
+from flexviz.analysis.estimation import descent as loop
 
 
 @dataclass(frozen=True, eq=False)

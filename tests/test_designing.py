@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from flexviz import Design, DesignSettings, design, identify, write_design
-from flexviz.cli import main
-from flexviz.designing.criterion import BestSeparation, LeastErrors
-from flexviz.designing.information import information
-from flexviz.designing.subject import subject_of
-from flexviz.errors import InputError
-from flexviz.records import CandidateEffect, Tie
-from flexviz.results.diagnosis_summary import candidate_lines
-from flexviz.simulation import Fourier, follow, make_plan, simulate_run
-from flexviz.wording import merged_findings
+from flexviz.analysis.designing.criterion import BestSeparation, LeastErrors
+from flexviz.analysis.designing.information import information
+from flexviz.analysis.designing.subject import subject_of
+from flexviz.base.errors import InputError
+from flexviz.content.records import CandidateEffect, Tie
+from flexviz.content.results.diagnosis_summary import candidate_lines
+from flexviz.content.wording import merged_findings
+from flexviz.model.simulation import Fourier, follow, make_plan, simulate_run
+from flexviz.outlets.terminal import main
 
 ENTRY = CandidateEffect(
     effect="coulomb_friction",

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.cli import main
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.candidates import candidates, with_effects, without_effects
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.motion import Known
-from flexviz.progress import Progress
-from flexviz.resources import sessions_dir
-from flexviz.wording import quantity
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.analysis.diagnosis.candidates import candidates, with_effects, without_effects
+from flexviz.analysis.motion import Known
+from flexviz.base.progress import Progress
+from flexviz.base.resources import sessions_dir
+from flexviz.content.wording import quantity
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout
+from flexviz.outlets.terminal import main
 from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.unknown_laws import Uneven, set_with

@@ -18,8 +18,8 @@ from independent.cases import make_case
 from independent.hiding import KINDS
 from independent.laws import STRANGE
 
-from flexviz.diagnosis import Diagnosis, Finding, diagnose
-from flexviz.measurements import read_set
+from flexviz.analysis.diagnosis import Diagnosis, Finding, diagnose
+from flexviz.data.measurements import read_set
 from tests.cases import slow, study
 
 # pairs that such data cannot tell apart: the twin counts where the tie is reported

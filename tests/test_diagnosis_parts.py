@@ -9,25 +9,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.candidates import credible, excess, with_effects
-from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.fine import Fine
-from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.ties import telling_motion
-from flexviz.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.estimation import ESTIMATION, Whitening
-from flexviz.estimation.noise_propagation import NoiseDerivatives
-from flexviz.estimation.score_test import Projection, explained
-from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.model import FlexibleModel
-from flexviz.motion import MOTION, MotionContext
-from flexviz.observers import FlatZeroPhase
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.diagnosis.candidates import credible, excess, with_effects
+from flexviz.analysis.diagnosis.coarse import Coarse
+from flexviz.analysis.diagnosis.fine import Fine
+from flexviz.analysis.diagnosis.fit_context import Fit, FitContext
+from flexviz.analysis.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
+from flexviz.analysis.diagnosis.ties import telling_motion
+from flexviz.analysis.estimation import ESTIMATION, Whitening
+from flexviz.analysis.estimation.noise_propagation import NoiseDerivatives
+from flexviz.analysis.estimation.score_test import Projection, explained
+from flexviz.analysis.estimation.whitening import lagged_covariance, noise_kernel, whitener
+from flexviz.analysis.identification import identify
+from flexviz.analysis.motion import MOTION, MotionContext
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import EFFECT_FAMILIES, EFFECTS, ChosenEffect
+from flexviz.model.equation import Equation, Layout, build_signals
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.robot.model import FlexibleModel
 from tests.cases import slow
 from tests.covariances import dense_covariance
 

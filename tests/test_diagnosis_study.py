@@ -21,10 +21,10 @@ from benchmarks.diagnosis_study.report import calibration_rows, value_rows
 from benchmarks.diagnosis_study.sizes import SIZES
 from benchmarks.running import case_folder, truth_file
 from benchmarks.tables import Share
-from flexviz.effects import EFFECTS, ChosenEffect, JointState
-from flexviz.equation import Layout
-from flexviz.measurements import read_set
-from flexviz.simulation.effect_laws import LAWS
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import EFFECTS, ChosenEffect, JointState
+from flexviz.model.equation import Layout
+from flexviz.model.simulation.effect_laws import LAWS
 
 
 def hidden(effect: str, joint: str | None = "joint1", **parameters: float) -> dict[str, Any]:

@@ -19,16 +19,16 @@ from typing import Any
 import pytest
 import typer
 
-import flexviz.batch.study
-import flexviz.cli
-import flexviz.diagnosis
-import flexviz.simulation
-import flexviz.simulation.sets as sets
-from flexviz.batch import study_runs
-from flexviz.diagnosis import diagnose
-from flexviz.effects import forget_effects
-from flexviz.measurements import read_set
-from flexviz.session import Session, save_session
+import flexviz.analysis.diagnosis
+import flexviz.model.simulation
+import flexviz.model.simulation.sets as sets
+import flexviz.outlets.batch.study
+import flexviz.outlets.terminal
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.content.session import Session, save_session
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import forget_effects
+from flexviz.outlets.batch import study_runs
 from tests.cases import with_slow
 from tests.shown_commands import PAGES, ROOT, Shown, blocks, mentions
 
@@ -96,9 +96,9 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         lines = [",".join(head), *(",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))]
         (tmp_path / f"run{number}.csv").write_text("\n".join(lines) + "\n")
     monkeypatch.chdir(tmp_path)
-    for module in (sets, flexviz.simulation, study_runs):
+    for module in (sets, flexviz.model.simulation, study_runs):
         monkeypatch.setattr(module, "make_plan", short_plan)
-    monkeypatch.setattr("flexviz.designing.search.GroupSearch.improve", lambda *arguments: None)
+    monkeypatch.setattr("flexviz.analysis.designing.search.GroupSearch.improve", lambda *arguments: None)
     (tmp_path / "LIMITS.toml").write_text("[default]\nheld_out_percent = 50.0\n")
     (tmp_path / "FILE.toml").write_text("groups = 1\nduration = 5.0\n")
 
@@ -116,19 +116,21 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
 
     for place in DIAGNOSING:
         monkeypatch.setattr(f"{place}.diagnose", known)
-    runs = flexviz.batch.study.study_tasks
-    monkeypatch.setattr(flexviz.batch.study, "study_tasks", lambda plan: list(runs(plan))[-1:])
-    here = flexviz.batch.ClusterChoice(1, processes=False)
-    monkeypatch.setattr(flexviz.batch, "ClusterChoice", lambda *given, **named: here)
+    runs = flexviz.outlets.batch.study.study_tasks
+    monkeypatch.setattr(flexviz.outlets.batch.study, "study_tasks", lambda plan: list(runs(plan))[-1:])
+    here = flexviz.outlets.batch.ClusterChoice(1, processes=False)
+    monkeypatch.setattr(flexviz.outlets.batch, "ClusterChoice", lambda *given, **named: here)
     served: list[Path | None] = []
 
     def serve(source: Path | None, *, host: str, port: int | None, open_browser: bool, **_: Any) -> None:
         assert source is None or source.is_dir()
         served.append(source)
 
-    monkeypatch.setattr("flexviz.app.serve", serve)
-    monkeypatch.setattr("flexviz.cli.viewing.show", lambda files, *options: [file.stat() for file in files])
-    monkeypatch.setattr("flexviz.recording.writing.RecordingFile.simulate", lambda *arguments: None)
+    monkeypatch.setattr("flexviz.outlets.app.serve", serve)
+    monkeypatch.setattr(
+        "flexviz.outlets.terminal.viewing.show", lambda files, *options: [file.stat() for file in files]
+    )
+    monkeypatch.setattr("flexviz.outlets.recording.writing.RecordingFile.simulate", lambda *arguments: None)
     study_runs._motion.cache_clear()
     yield tmp_path
     study_runs._motion.cache_clear()
@@ -147,7 +149,7 @@ def test_shown_commands_run(page: Path, workplace: Path, capfd: pytest.CaptureFi
             if "--out" in arguments:
                 out = Path(arguments[arguments.index("--out") + 1])
                 shutil.rmtree(out, ignore_errors=True)  # a page may show several ways to the same place
-            code = flexviz.cli.main(arguments)
+            code = flexviz.outlets.terminal.main(arguments)
             assert code == 0, f"{shown}: {capfd.readouterr().err}"
         else:
             look_at(program, words, shown)
@@ -176,7 +178,7 @@ def look_at(program: str, words: list[str], shown: Shown) -> None:
 # -- that they exist ---------------------------------------------------------------------------------
 
 MENTIONED = [shown for page in PAGES for shown in (*mentions(page), *SHOWN.get(page, ()))]
-COMMANDS: Any = typer.main.get_command(flexviz.cli.app)
+COMMANDS: Any = typer.main.get_command(flexviz.outlets.terminal.app)
 
 
 def test_mentioned_commands_exist_with_their_options() -> None:

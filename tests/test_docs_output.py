@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.cli import main
-from flexviz.cli.terminal import show
-from flexviz.diagnosis import Diagnosis
-from flexviz.effects import EFFECTS
-from flexviz.measurements import MeasurementSet
+from flexviz.analysis.diagnosis import Diagnosis
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.terminal import main
+from flexviz.outlets.terminal.terminal import show
 from tests.shown_commands import PAGES, ROOT, outputs
 
 DOCUMENTS = [page for page in PAGES if page.name == "README.md" or page.parent.name == "docs"]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from flexviz import doctor
-from flexviz.cli import main
+from flexviz.outlets import doctor
+from flexviz.outlets.terminal import main
 
 
 def test_this_machine(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

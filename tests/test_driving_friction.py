@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from independent.cases import make_case
 
-from flexviz.diagnosis import Finding, diagnose
-from flexviz.effects import EFFECTS, kin
-from flexviz.effects.effect import EffectEvidence
-from flexviz.measurements import read_set
-from flexviz.simulation import laws
+from flexviz.analysis.diagnosis import Finding, diagnose
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import EFFECTS, kin
+from flexviz.model.effects.effect import EffectEvidence
+from flexviz.model.simulation import laws
 from tests.cases import study
 
 EFFECT = EFFECTS["driving_friction"]

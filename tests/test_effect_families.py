@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.effects import EFFECT_FAMILIES, EFFECT_NAMES, family_of, kin
+from flexviz.model.effects import EFFECT_FAMILIES, EFFECT_NAMES, family_of, kin
 
 
 def test_every_member_is_an_effect_of_one_family() -> None:

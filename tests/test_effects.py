@@ -14,20 +14,20 @@ import pytest
 
 from benchmarks.effect_pages.pages import FOLDER, files
 from benchmarks.effect_pages.pictures import LINE_COLOURS, PICTURES, PLACE
-from flexviz.charts import FILE
-from flexviz.cli import main
-from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
-from flexviz.effects.base_tilt import tilted_gravity
-from flexviz.effects.law import LawEffect
-from flexviz.effects.terms import JointState, Scope, Where
-from flexviz.effects.trial import TrialMotion, TrialSignal
-from flexviz.equation.reversal_nuisance import undecided
-from flexviz.model import EffectValue
-from flexviz.simulation import check_effect, laws
-from flexviz.simulation import tilted_gravity as simulated_gravity
-from flexviz.simulation.effect_laws import LAWS
-from flexviz.simulation.laws import Dahl, ElasticJoint
-from flexviz.wording import bounds_text, effect_json, simulated_text
+from flexviz.content.charts import FILE
+from flexviz.content.wording import bounds_text, effect_json, simulated_text
+from flexviz.model.effects import EFFECT_NAMES, EFFECTS, Effect
+from flexviz.model.effects.base_tilt import tilted_gravity
+from flexviz.model.effects.law import LawEffect
+from flexviz.model.effects.terms import JointState, Scope, Where
+from flexviz.model.effects.trial import TrialMotion, TrialSignal
+from flexviz.model.equation.reversal_nuisance import undecided
+from flexviz.model.simulation import check_effect, laws
+from flexviz.model.simulation import tilted_gravity as simulated_gravity
+from flexviz.model.simulation.effect_laws import LAWS
+from flexviz.model.simulation.laws import Dahl, ElasticJoint
+from flexviz.outlets.terminal import main
+from flexviz.robot.model import EffectValue
 
 MOTOR_LAWS = (
     "coulomb_friction", "stribeck_friction", "quadratic_friction", "directional_friction",
@@ -392,7 +392,7 @@ def test_command_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
 def test_command_in_a_narrow_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexviz.cli.terminal.PIPE_WIDTH", 80)
+    monkeypatch.setattr("flexviz.outlets.terminal.terminal.PIPE_WIDTH", 80)
     assert main(["effects"]) == 0
     out = capsys.readouterr().out
     assert "…" not in out and max(len(line) for line in out.splitlines()) <= 80

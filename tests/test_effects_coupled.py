@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.candidates import candidates
-from flexviz.effects import EFFECTS, ChosenEffect, EffectTarget, choose_effects
-from flexviz.equation import Layout
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.simulation import laws, make_plan
+from flexviz.analysis.diagnosis.candidates import candidates
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.model.effects import EFFECTS, ChosenEffect, EffectTarget, choose_effects
+from flexviz.model.equation import Layout
+from flexviz.model.simulation import laws, make_plan
 from tests.cases import slow
 from tests.planar_arm import planar_set
 from tests.test_effects import MOTION, VALUES, named

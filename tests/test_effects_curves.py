@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.effect_pages.pictures import PLACE
-from flexviz.effects import CURVES, EFFECTS, JointState, LoadedEffect, Terms, free_curve
-from flexviz.effects.free_curve import BEND, GRID, NODES, SIZE, STAND_INS
-from flexviz.effects.trial import TrialSignal
+from flexviz.model.effects import CURVES, EFFECTS, JointState, LoadedEffect, Terms, free_curve
+from flexviz.model.effects.free_curve import BEND, GRID, NODES, SIZE, STAND_INS
+from flexviz.model.effects.trial import TrialSignal
 from tests.test_effects import LAW_EFFECTS, MOTION, VALUES
 
 

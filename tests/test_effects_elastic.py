@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.effects import EFFECTS, JointMotion, LawEffect
-from flexviz.effects.elastic_joint import DampedSpring, hardened
-from flexviz.equation import layout_of
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.model import EffectValue
-from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.simulation.laws import ElasticJoint
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.model.effects.elastic_joint import DampedSpring, hardened
+from flexviz.model.equation import layout_of
+from flexviz.model.simulation import make_plan, simulate_plan, write_plan
+from flexviz.model.simulation.laws import ElasticJoint
+from flexviz.robot.model import EffectValue
 from tests.planar_arm import of_groups, planar_set
 
 STIFFNESS, COUNT, STEP = 1500.0, 4000, 2e-3

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from benchmarks.effect_pages.pictures import PLACE
-from flexviz.effects import (
+from flexviz.base.errors import InputError
+from flexviz.model.effects import (
     CURVES,
     EFFECTS,
     ChosenEffect,
@@ -24,12 +25,11 @@ from flexviz.effects import (
     ParameterSpec,
     choose_effects,
 )
-from flexviz.effects.base_tilt import BaseTilt
-from flexviz.effects.elastic_joint import hardened
-from flexviz.effects.trial import TrialMotion
-from flexviz.errors import InputError
-from flexviz.model import EffectValue
-from flexviz.mounting import GRAVITY
+from flexviz.model.effects.base_tilt import BaseTilt
+from flexviz.model.effects.elastic_joint import hardened
+from flexviz.model.effects.trial import TrialMotion
+from flexviz.robot.model import EffectValue
+from flexviz.robot.mounting import GRAVITY
 from tests.test_effects import MOTION, VALUES, value
 
 FRICTION = {"coulomb_friction", "stribeck_friction", "quadratic_friction", "load_dependent_friction"}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
-from flexviz.equation import Layout
-from flexviz.estimation import Bounds
-from flexviz.estimation.descent import SHORTEST, Reach
-from flexviz.estimation.prior import Prior, physically_consistent
-from flexviz.estimation.score_test import allowed
-from flexviz.robot import Robot
+from flexviz.analysis.estimation import Bounds
+from flexviz.analysis.estimation.descent import SHORTEST, Reach
+from flexviz.analysis.estimation.prior import Prior, physically_consistent
+from flexviz.analysis.estimation.score_test import allowed
+from flexviz.model.effects import EFFECTS, ChosenEffect, EffectEvidence
+from flexviz.model.equation import Layout
+from flexviz.robot.robot import Robot
 
 DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are never negative
     "coulomb_friction": "coulomb",

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, JointMotion, JointState, LawEffect
-from flexviz.effects.presliding_hysteresis import dahl
-from flexviz.effects.startup_friction import worn_off
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet
-from flexviz.simulation.laws import BreakAway
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import EFFECTS, JointMotion, JointState, LawEffect
+from flexviz.model.effects.presliding_hysteresis import dahl
+from flexviz.model.effects.startup_friction import worn_off
+from flexviz.model.simulation.laws import BreakAway
 from tests.planar_arm import planar_set
 
 TIME = np.linspace(0.0, 8.0, 4001)

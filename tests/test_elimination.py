@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from flexviz.diagnosis.candidates import without
-from flexviz.diagnosis.criterion import Criterion, Gain, Score, criterion_of, gain
-from flexviz.diagnosis.elimination import Linearised, by_weight, eliminated, needs
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout
-from flexviz.estimation import Bounds
-from flexviz.motion import Residuals
+from flexviz.analysis.diagnosis.candidates import without
+from flexviz.analysis.diagnosis.criterion import Criterion, Gain, Score, criterion_of, gain
+from flexviz.analysis.diagnosis.elimination import Linearised, by_weight, eliminated, needs
+from flexviz.analysis.estimation import Bounds
+from flexviz.analysis.motion import Residuals
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout
 from tests.toy_regression import residuals_of
 
 Array = NDArray[np.float64]

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.candidates import with_effects, without
-from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import gain
-from flexviz.diagnosis.elimination import needs
-from flexviz.diagnosis.fine import Fine, FineModel
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.search import Search
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, layout_of
-from flexviz.measurements import MeasurementSet
-from flexviz.motion import MotionContext
+from flexviz.analysis.diagnosis.candidates import with_effects, without
+from flexviz.analysis.diagnosis.coarse import Coarse, CoarseModel
+from flexviz.analysis.diagnosis.criterion import gain
+from flexviz.analysis.diagnosis.elimination import needs
+from flexviz.analysis.diagnosis.fine import Fine, FineModel
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.diagnosis.search import Search
+from flexviz.analysis.motion import MotionContext
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout, layout_of
 from tests.planar_arm import HELD_OUT, planar_set
 
 OFFSETS = tuple(ChosenEffect("torque_offset", j) for j in (0, 1))

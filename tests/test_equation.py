@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.fine_signals import LINK_VELOCITY_NOISE, TORQUE_NOISE, torque_band
-from flexviz.equation.motions import LEAST_VISCOUS, LEAST_VISCOUS_SHARE, viscous_scale
-from flexviz.equation.signals import FINE_STEP, equation_stride, fine_samples
-from flexviz.errors import InputError
-from flexviz.estimation.noise_propagation import signal_sensitivity
-from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
-from flexviz.measurements import Group, MeasurementSet, Segment
-from flexviz.observers import FlatZeroPhase, make_observer
-from flexviz.robot import PayloadBody, Robot
+from flexviz.analysis.estimation.noise_propagation import signal_sensitivity
+from flexviz.analysis.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import Group, MeasurementSet, Segment
+from flexviz.model.effects import EFFECTS, ChosenEffect, choose_effects
+from flexviz.model.equation import Equation, Layout, build_signals
+from flexviz.model.equation.fine_signals import LINK_VELOCITY_NOISE, TORQUE_NOISE, torque_band
+from flexviz.model.equation.motions import LEAST_VISCOUS, LEAST_VISCOUS_SHARE, viscous_scale
+from flexviz.model.equation.signals import FINE_STEP, equation_stride, fine_samples
+from flexviz.model.observers import FlatZeroPhase, make_observer
+from flexviz.robot.robot import PayloadBody, Robot
 
 
 def made_up_set(robot: Robot, link: str, seed: int = 0, seconds: float = 4.0) -> MeasurementSet:

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, LinearEffect
-from flexviz.equation import Equation, Layout, build_signals, pulses, reversal_nuisance
-from flexviz.equation import fine_signals as module
-from flexviz.equation.chain import Chain
-from flexviz.equation.context import EffectContext
-from flexviz.equation.fine_signals import FineBands, FineSignals, torque_band
-from flexviz.equation.reversal_nuisance import _jumps, parts_of, undecided
-from flexviz.observers import ButterworthZeroPhase
-from flexviz.robot import Robot
+from flexviz.model.effects import EFFECTS, ChosenEffect, LawEffect, LinearEffect
+from flexviz.model.equation import Equation, Layout, build_signals, pulses, reversal_nuisance
+from flexviz.model.equation import fine_signals as module
+from flexviz.model.equation.chain import Chain
+from flexviz.model.equation.context import EffectContext
+from flexviz.model.equation.fine_signals import FineBands, FineSignals, torque_band
+from flexviz.model.equation.reversal_nuisance import _jumps, parts_of, undecided
+from flexviz.model.observers import ButterworthZeroPhase
+from flexviz.robot.robot import Robot
 from tests.test_equation import made_up_set, point
 from tests.test_equation_parts import moving, total
 from tests.test_equation_truth import all_columns, at_the_truth

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Equation
-from flexviz.equation.motions import WideMotions
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Equation
+from flexviz.model.equation.motions import WideMotions
 from tests.test_equation_truth import Hidden, at_the_truth
 
 MANY: Hidden = {

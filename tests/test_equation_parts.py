@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect, LinearEffect
-from flexviz.equation import Equation, Layout, build_signals, layout_of, pulses
-from flexviz.equation.chain import Chain
-from flexviz.equation.fine_signals import (
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect, LinearEffect
+from flexviz.model.equation import Equation, Layout, build_signals, layout_of, pulses
+from flexviz.model.equation.chain import Chain
+from flexviz.model.equation.fine_signals import (
     LINK_VELOCITY_NOISE,
     TORQUE_NOISE,
     _sign_band,
@@ -20,12 +22,10 @@ from flexviz.equation.fine_signals import (
     fine_signals,
     torque_band,
 )
-from flexviz.equation.initial_state import RIDGE, initial_states
-from flexviz.equation.motions import _ends
-from flexviz.equation.reversal_nuisance import parts_of, undecided
-from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet
-from flexviz.observers import FlatZeroPhase, make_observer
+from flexviz.model.equation.initial_state import RIDGE, initial_states
+from flexviz.model.equation.motions import _ends
+from flexviz.model.equation.reversal_nuisance import parts_of, undecided
+from flexviz.model.observers import FlatZeroPhase, make_observer
 from tests.test_equation_truth import HOLD, LINK_VISCOUS, all_columns, at_the_truth, link_motion, rnea
 
 COULOMB, OFFSET = ("coulomb_friction", 1), ("torque_offset", 1)

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz._pinocchio import pin
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Equation, Layout, LinkDynamics, Pulses, build_signals
-from flexviz.equation.context import EffectContext
-from flexviz.measurements import Group, MeasurementSet, Segment
-from flexviz.observers import FlatZeroPhase
-from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import laws
+from flexviz.data.measurements import Group, MeasurementSet, Segment
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Equation, Layout, LinkDynamics, Pulses, build_signals
+from flexviz.model.equation.context import EffectContext
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.model.simulation import laws
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.robot import PayloadBody, Robot
 
 PERIOD, STEP, HOLD = 8.0, 1e-3, 1e-3
 TIME = STEP * np.arange(round(PERIOD / STEP))
@@ -349,8 +349,8 @@ def test_link_torques_are_those_of_pinocchio(names: list[str] | None) -> None:
 
 def test_the_slope_of_friction_that_follows_the_torque(monkeypatch: pytest.MonkeyPatch) -> None:
     """∂u/∂s ∂s/∂x where the operating point follows x; without it a fit overshoots and never ends."""
-    monkeypatch.setattr("flexviz.equation.residual.MAX_STATE_ITERATIONS", 60)
-    monkeypatch.setattr("flexviz.equation.residual.STATE_TOLERANCE", 1e-12)
+    monkeypatch.setattr("flexviz.model.equation.residual.MAX_STATE_ITERATIONS", 60)
+    monkeypatch.setattr("flexviz.model.equation.residual.STATE_TOLERANCE", 1e-12)
     equation, x = at_the_truth({("load_dependent_friction", 1): (0.4,)}, 8.0, 1.2)
     layout, seen = equation.layout, equation.at(x)
     moving, fixed = (seen.evaluate(x, moving=each).jacobian for each in (True, False))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.errors import FlexvizError, InputError, choose_from
+from flexviz.base.errors import FlexvizError, InputError, choose_from
 
 
 def test_choices_in_messages() -> None:

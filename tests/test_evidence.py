@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.candidates import with_offsets_merged
-from flexviz.diagnosis.course import apart_from_none
-from flexviz.diagnosis.criterion import Gain
-from flexviz.effects import ChosenEffect
-from flexviz.estimation import Covariance
-from flexviz.measurements import MeasurementSet
+from flexviz.analysis.diagnosis.candidates import with_offsets_merged
+from flexviz.analysis.diagnosis.course import apart_from_none
+from flexviz.analysis.diagnosis.criterion import Gain
+from flexviz.analysis.estimation import Covariance
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import ChosenEffect
 from tests.test_resolution import COULOMB, OFFSET, SPRING, coarse_of, fitted
 
 THINNING = ChosenEffect("thinning_friction", 1)

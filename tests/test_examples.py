@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.diagnosis import Diagnosis
-from flexviz.effects import forget_effects
-from flexviz.measurements import MeasurementSet
+from flexviz.analysis.diagnosis import Diagnosis
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import forget_effects
 from tests.cases import with_slow
 from tests.planar_arm import shorten_presets
 

@@ -12,16 +12,16 @@ import pytest
 from ruamel.yaml import YAML
 
 from flexviz import export
-from flexviz.cli import main
-from flexviz.effects import EFFECT_NAMES
-from flexviz.errors import InputError
-from flexviz.exporting import FORMATS, identified_robot, write
-from flexviz.exporting.identified import model_of
-from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet, fingerprint, read_set
-from flexviz.model import FlexibleModel
-from flexviz.results import read_result
-from flexviz.session import Session, save_session
+from flexviz.analysis.identification import Identification, identify
+from flexviz.base.errors import InputError
+from flexviz.content.results import read_result
+from flexviz.content.session import Session, save_session
+from flexviz.data.measurements import MeasurementSet, fingerprint, read_set
+from flexviz.model.effects import EFFECT_NAMES
+from flexviz.outlets.exporting import FORMATS, identified_robot, write
+from flexviz.outlets.exporting.identified import model_of
+from flexviz.outlets.terminal import main
+from flexviz.robot.model import FlexibleModel
 from tests.exporting_cases import document, identified, plan, short_set
 from tests.small_set import write_small_set
 from tests.test_view_diagnosis import DIAGNOSIS, STEP

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, LawEffect, forget_effects, load_effects
-from flexviz.exporting import FORMATS, IdentifiedRobot
-from flexviz.exporting.code import c_code, python_code, section_names, with_sections
-from flexviz.exporting.code_tables import code_tables
-from flexviz.exporting.parameters import json_parameters
-from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue
-from flexviz.robot import Robot
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import EFFECTS, LawEffect, forget_effects, load_effects
+from flexviz.outlets.exporting import FORMATS, IdentifiedRobot
+from flexviz.outlets.exporting.code import c_code, python_code, section_names, with_sections
+from flexviz.outlets.exporting.code_tables import code_tables
+from flexviz.outlets.exporting.parameters import json_parameters
+from flexviz.robot.model import EffectValue
+from flexviz.robot.robot import Robot
 from tests.exporting_cases import (
     deflections,
     differentiated,
@@ -218,7 +218,7 @@ def test_c_and_python_agree_with_everything_on(planar: MeasurementSet, tmp_path:
         one, other = getattr(c, name), getattr(python, name)
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
     assert set(code_tables(made).sections) >= section_names(
-        (Path(__file__).parent.parent / "flexviz/exporting/template.c").read_text()
+        (Path(__file__).parent.parent / "flexviz/outlets/exporting/template.c").read_text()
     )
 
 
@@ -384,7 +384,7 @@ def test_python_needs_numpy_only(planar: MeasurementSet, tmp_path: Path) -> None
 
 
 def test_the_pattern_itself_runs() -> None:
-    from flexviz.exporting import template
+    from flexviz.outlets.exporting import template
 
     rest = template.rigid_inverse_dynamics([0.3, -0.2], [0.0, 0.0], [0.0, 0.0])
     memory = template.Memory()

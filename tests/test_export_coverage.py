@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.effects import EFFECT_NAMES, EFFECTS
-from flexviz.errors import InputError
-from flexviz.exporting import FORMATS, LeftOut, Written, coverage
-from flexviz.exporting.coverage import REGISTRIES, PerJoint, PerRow
+from flexviz.base.errors import InputError
+from flexviz.model.effects import EFFECT_NAMES, EFFECTS
+from flexviz.outlets.exporting import FORMATS, LeftOut, Written, coverage
+from flexviz.outlets.exporting.coverage import REGISTRIES, PerJoint, PerRow
 from tests import test_compensation, test_export_code, test_export_robot
 from tests.exporting_cases import identified, plan, short_set
 
@@ -27,7 +27,7 @@ def test_every_effect_has_an_entry_in_every_format() -> None:
     found = coverage()
     assert set(found) == {(effect, target) for effect in EFFECTS for target in FORMATS}
     missing = [pair for pair, entry in found.items() if entry is None]
-    assert not missing, f"flexviz/exporting/coverage.py: no entry for {missing}"
+    assert not missing, f"flexviz/outlets/exporting/coverage.py: no entry for {missing}"
     assert all(set(registry) == set(EFFECT_NAMES) for registry in REGISTRIES.values())
 
 

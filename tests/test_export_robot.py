@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.errors import InputError
-from flexviz.exporting import IdentifiedRobot, write
-from flexviz.exporting.bodies import carriers
-from flexviz.exporting.coverage import MJCF, LeftOut
-from flexviz.exporting.mjcf import timestep
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.model import EffectValue
-from flexviz.resources import sessions_dir
-from flexviz.robot import Robot
-from flexviz.simulation import Run, Sampled, make_plan, replay, simulate_run
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.simulation import Run, Sampled, make_plan, replay, simulate_run
+from flexviz.outlets.exporting import IdentifiedRobot, write
+from flexviz.outlets.exporting.bodies import carriers
+from flexviz.outlets.exporting.coverage import MJCF, LeftOut
+from flexviz.outlets.exporting.mjcf import timestep
+from flexviz.robot.model import EffectValue
+from flexviz.robot.robot import Robot
 from tests.exporting_cases import document, identified, plan, short_set
 from tests.small_set import LINK, URDF, write_small_set
 
@@ -102,8 +102,8 @@ def test_urdf_says_what_stays_with_the_prior(planar: MeasurementSet, tmp_path: P
     found = document(plan("planar-2r", "backlash").model).model_dump()
     for p in found["parameters"]:
         p["identifiable"] = {"mass": "no", "izz": "weak", "stiffness": "weak"}.get(p["name"], "yes")
-    from flexviz.exporting import identified_robot
-    from flexviz.results import ResultDocument
+    from flexviz.content.results import ResultDocument
+    from flexviz.outlets.exporting import identified_robot
 
     made = identified_robot(planar, ResultDocument.model_validate(found))
     done = write(made, tmp_path / "out", ["urdf"])
@@ -225,7 +225,7 @@ def test_identified_motion_in_mujoco(tmp_path: Path) -> None:
     """The whole way: identify, export, load, and drive both along the recorded reference."""
     measurements = read_set(sessions_dir() / "planar-2r-demo")
     found = identify(measurements, effects=["coulomb_friction"], refine=False)
-    from flexviz.exporting import identified_robot
+    from flexviz.outlets.exporting import identified_robot
 
     made = identified_robot(measurements, found)
     group = measurements.groups[1]
@@ -297,7 +297,7 @@ def test_mjcf_read_again_gives_the_same(panda: MeasurementSet, tmp_path: Path) -
     mass = np.zeros((compiled.nv, compiled.nv))
     mujoco.mj_fullM(compiled, data, mass)
     at = [compiled.joint(j).dofadr[0] for j in panda.joints]
-    from flexviz._pinocchio import pin
+    from flexviz.robot._pinocchio import pin
 
     pinocchio = panda.robot.model_with(model.inertial)
     expected = pin.crba(pinocchio, pinocchio.createData(), q)

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.exporting.code import c_code, python_code
-from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import MeasurementSet
+from flexviz.outlets.exporting.code import c_code, python_code
+from flexviz.robot.model import EffectValue
 from tests.exporting_cases import identified, plan, short_set
 
 GCC = shutil.which("gcc")

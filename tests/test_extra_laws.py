@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from flexviz.effects import JointState
-from flexviz.simulation import ExtraLaw, Plan, Pull, Run, make_plan
+from flexviz.model.effects import JointState
+from flexviz.model.simulation import ExtraLaw, Plan, Pull, Run, make_plan
 
 
 class Spring(ExtraLaw):

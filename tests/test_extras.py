@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from flexviz.errors import EXTRAS
-from flexviz.importing.plausibility import COMPARING
+from flexviz.base.errors import EXTRAS
+from flexviz.data.importing.plausibility import COMPARING
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -29,7 +29,7 @@ def in_the_core(program: str, *arguments: str) -> subprocess.CompletedProcess[st
     return subprocess.run(command, capture_output=True, text=True)
 
 
-RUN = "from flexviz.cli import main; sys.exit(main(sys.argv[1:]))"
+RUN = "from flexviz.outlets.terminal import main; sys.exit(main(sys.argv[1:]))"
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ measurements = flexviz.read_set("demo")
 result = flexviz.identify(measurements, effects=["coulomb_friction:joint2"])
 flexviz.export(measurements, result, {str(tmp_path / "robot")!r}, formats=["mjcf", "json"])
 result.plot.law("coulomb_friction").save({str(tmp_path / "law.svg")!r})
-import flexviz.workflows, flexviz.importing, flexviz.report
+import flexviz.outlets.workflows, flexviz.data.importing, flexviz.outlets.report
 try:
     result.to_frame()
 except ImportError as error:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from flexviz import files
-from flexviz.app.uploads import UploadFolder
-from flexviz.files import PART, remove_leftovers, whole_folder, write_whole
-from flexviz.session import open_session, save_session
+from flexviz.base import files
+from flexviz.base.files import PART, remove_leftovers, whole_folder, write_whole
+from flexviz.content.session import open_session, save_session
+from flexviz.outlets.app.uploads import UploadFolder
 from tests.small_session import small_session
 
 LONG_AGO = time.time() - 2 * files.ABANDONED

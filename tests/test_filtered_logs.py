@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from benchmarks.signal_checks import FILTERS, Low, butterworth, low_passed, main
-from flexviz.measurements import MeasurementSet, Segment, read_set
-from flexviz.noise import filtered_before_writing
-from flexviz.resources import sessions_dir
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import MeasurementSet, Segment, read_set
+from flexviz.data.noise import filtered_before_writing
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 SIMULATED = [*(SHARED / "practice" / "cases").glob("*"), *(SHARED / "robotlike" / "cases").glob("*")]

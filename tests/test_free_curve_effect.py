@@ -13,10 +13,15 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis_study.laws import FrictionBump
-from flexviz.cli import main
-from flexviz.diagnosis import Diagnosis, Step, draft_from_curve, why_no_curve, with_free_curve
-from flexviz.diagnosis.candidates import candidates
-from flexviz.effects import (
+from flexviz.analysis.diagnosis import Diagnosis, Step, draft_from_curve, why_no_curve, with_free_curve
+from flexviz.analysis.diagnosis.candidates import candidates
+from flexviz.analysis.estimation.prior import Prior, physically_consistent
+from flexviz.analysis.identification import Identification, identify
+from flexviz.base.errors import InputError
+from flexviz.content.records import FreeCurve, ResidualLocation
+from flexviz.content.results import read_result
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import (
     CURVES,
     EFFECTS,
     EffectTarget,
@@ -26,18 +31,13 @@ from flexviz.effects import (
     free_curve,
     load_effects,
 )
-from flexviz.effects.trial import TrialMotion, TrialSignal
-from flexviz.equation import Layout
-from flexviz.errors import InputError
-from flexviz.estimation.prior import Prior, physically_consistent
-from flexviz.exporting import export
-from flexviz.exporting.parameters import curve_files
-from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.records import FreeCurve, ResidualLocation
-from flexviz.results import read_result
-from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
+from flexviz.model.effects.trial import TrialMotion, TrialSignal
+from flexviz.model.equation import Layout
+from flexviz.model.simulation import Plan, make_plan, simulate_plan, write_plan
+from flexviz.outlets.exporting import export
+from flexviz.outlets.exporting.parameters import curve_files
+from flexviz.outlets.terminal import main
+from flexviz.robot.model import EffectValue, FlexibleModel
 from tests.planar_arm import HELD_OUT, of_groups
 
 TRIAL = TrialMotion(

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from shared_data import FAULTS
 
-from flexviz.cli import main
-from flexviz.importing import Issue, import_logs, issues_of_set
-from flexviz.measurements import read_set
+from flexviz.data.importing import Issue, import_logs, issues_of_set
+from flexviz.data.measurements import read_set
+from flexviz.outlets.terminal import main
 from tests.cases import slow
 
 pytestmark = pytest.mark.usefixtures("no_delay")

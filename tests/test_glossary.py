@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.report import blocks
-from flexviz.report.html import html
-from flexviz.wording import GLOSSARY, with_terms
+from flexviz.content.wording import GLOSSARY, with_terms
+from flexviz.outlets.report import blocks
+from flexviz.outlets.report.html import html
 
 MARK = re.compile(r'<abbr class="fv-term"( tabindex="0")? title="([^"]*)">(.*?)</abbr>')
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -11,17 +11,17 @@ import pytest
 from independent import files
 from independent.cases import draw
 
-from flexviz.cli import main
-from flexviz.cli.design import mounted as mounted_plan
-from flexviz.effects.base_tilt import BaseTilt
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.importing import import_logs, inspect_logs, read_mapping
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.mounting import DIRECTIONS, GRAVITY, checked_gravity, mounting_text, upright
-from flexviz.robot import Robot
-from flexviz.simulation import Plan, make_plan, tilted_gravity
-from flexviz.view import remedy_text
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.data.importing import import_logs, inspect_logs, read_mapping
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects.base_tilt import BaseTilt
+from flexviz.model.simulation import Plan, make_plan, tilted_gravity
+from flexviz.outlets.terminal import main
+from flexviz.outlets.terminal.design import mounted as mounted_plan
+from flexviz.outlets.view import remedy_text
+from flexviz.robot.mounting import DIRECTIONS, GRAVITY, checked_gravity, mounting_text, upright
+from flexviz.robot.robot import Robot
 from tests.cases import slow
 from tests.import_data import STIFFNESS, truth, write_mapping, write_robot
 from tests.planar_arm import shorten_presets
@@ -268,7 +268,7 @@ def test_a_design_is_for_the_mounted_robot(tmp_path: Path) -> None:
 
 
 def test_exports_carry_gravity(tmp_path: Path) -> None:
-    from flexviz.exporting import write
+    from flexviz.outlets.exporting import write
     from tests.exporting_cases import identified, library_link_torque, motion, plan, short_set
 
     mujoco = pytest.importorskip("mujoco")

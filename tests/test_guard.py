@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import bandwidth_check
-from flexviz.diagnosis.bandwidth_check import (
+from flexviz.analysis.diagnosis import bandwidth_check
+from flexviz.analysis.diagnosis.bandwidth_check import (
     BandwidthCheck,
     bandwidths,
     check_bandwidth,
 )
-from flexviz.effects import choose_effects
-from flexviz.equation import Layout
-from flexviz.estimation import TwoBandData
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.estimation import TwoBandData
+from flexviz.analysis.identification import identify
+from flexviz.base.statistics import NORMAL_95
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import choose_effects
+from flexviz.model.equation import Layout
 from tests.test_where import patch, with_hidden
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"

@@ -7,21 +7,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexviz.equation import Layout
-from flexviz.errors import InputError
-from flexviz.estimation import Bounds, Descent, bounded_step, gauss_newton
-from flexviz.estimation.base_inertials import base_parameters
-from flexviz.estimation.covariance import sandwich, score_covariance
-from flexviz.estimation.noise_propagation import NoiseDerivatives
-from flexviz.estimation.transients import outside_transients
-from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
-from flexviz.identification import Identification, identify, sweep
-from flexviz.measurements import read_set
-from flexviz.noise import white_noise
-from flexviz.observers import FlatZeroPhase
-from flexviz.resources import sessions_dir
-from flexviz.robot import Robot
-from flexviz.simulation import make_plan, simulate_plan, write_plan
+from flexviz.analysis.estimation import Bounds, Descent, bounded_step, gauss_newton
+from flexviz.analysis.estimation.base_inertials import base_parameters
+from flexviz.analysis.estimation.covariance import sandwich, score_covariance
+from flexviz.analysis.estimation.noise_propagation import NoiseDerivatives
+from flexviz.analysis.estimation.transients import outside_transients
+from flexviz.analysis.estimation.whitening import lagged_covariance, noise_kernel, whitener
+from flexviz.analysis.identification import Identification, identify, sweep
+from flexviz.base.errors import InputError
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import read_set
+from flexviz.data.noise import white_noise
+from flexviz.model.equation import Layout
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.model.simulation import make_plan, simulate_plan, write_plan
+from flexviz.robot.robot import Robot
 from tests.cases import slow
 from tests.covariances import dense_covariance
 from tests.planar_arm import of_groups, planar_set
@@ -193,7 +193,7 @@ def test_base_parameters_of_the_planar_arm():
 
 
 def test_base_parameters_span_the_regressor():
-    from flexviz.equation.link import LinkDynamics
+    from flexviz.model.equation.link import LinkDynamics
 
     robot = Robot.load("example-robot-data:ur5")
     base = base_parameters(robot)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.equation import Layout
-from flexviz.identification import identify
-from flexviz.identification.failure import Unrest, unexplained, unrest_by_residual, why_not
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.records import ParameterEstimate, ResidualSummary
-from flexviz.resources import sessions_dir
-from flexviz.wording import percent
+from flexviz.analysis.identification import identify
+from flexviz.analysis.identification.failure import Unrest, unexplained, unrest_by_residual, why_not
+from flexviz.base.resources import sessions_dir
+from flexviz.content.records import ParameterEstimate, ResidualSummary
+from flexviz.content.wording import percent
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.equation import Layout
 
 
 @pytest.fixture(scope="module")

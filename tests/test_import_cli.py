@@ -20,13 +20,13 @@ import pyarrow.csv as pacsv
 import pytest
 from import_data import JOINTS, link_messages, motor_messages, truth, write_mapping, write_mcap, write_robot
 
-import flexviz.importing.importing as importing
-from flexviz.cli import main
-from flexviz.errors import Cancelled
-from flexviz.identification import Identification, identify
-from flexviz.importing import import_logs
-from flexviz.measurements import GroupTable, read_set, write_set
-from flexviz.resources import sessions_dir
+import flexviz.data.importing.importing as importing
+from flexviz.analysis.identification import Identification, identify
+from flexviz.base.errors import Cancelled
+from flexviz.base.resources import sessions_dir
+from flexviz.data.importing import import_logs
+from flexviz.data.measurements import GroupTable, read_set, write_set
+from flexviz.outlets.terminal import main
 
 DATA = truth(rows=1000)
 
@@ -126,7 +126,7 @@ def test_mcap_leads_to_the_same_identification(tmp_path: Path) -> None:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
 
 
 def write_log(folder: Path, **changed: np.ndarray) -> Path:

@@ -19,10 +19,10 @@ from import_data import (
     write_robot,
 )
 
-from flexviz.errors import InputError
-from flexviz.importing import Imported, import_logs
-from flexviz.importing.assembling import Trace
-from flexviz.importing.delays import JointTraces, delay_of
+from flexviz.base.errors import InputError
+from flexviz.data.importing import Imported, import_logs
+from flexviz.data.importing.assembling import Trace
+from flexviz.data.importing.delays import JointTraces, delay_of
 
 DATA = truth(rows=1500)
 THETA, TAU = '"/motor_states/joint#/position"', '"/motor_states/joint#/effort"'
@@ -31,7 +31,7 @@ LINK = '"/joint_states/joint#/position"'
 
 @pytest.fixture(autouse=True)
 def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
 
 
 def run(

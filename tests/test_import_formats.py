@@ -29,11 +29,11 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
-from flexviz.errors import InputError
-from flexviz.importing import formats, import_logs, inspect_logs
-from flexviz.importing.formats import find_logs, open_log
-from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions
-from flexviz.measurements import read_set
+from flexviz.base.errors import InputError
+from flexviz.data.importing import formats, import_logs, inspect_logs
+from flexviz.data.importing.formats import find_logs, open_log
+from flexviz.data.importing.formats.base import Log, LogFormat, LogTable, ReadOptions
+from flexviz.data.measurements import read_set
 
 DATA = truth(rows=1000)
 
@@ -41,7 +41,7 @@ DATA = truth(rows=1000)
 @pytest.fixture(autouse=True)
 def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is tested here is reading; fitting the whole model each time would only take time."""
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
 
 
 def imported(mapping: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,16 +14,16 @@ import pyarrow.csv as pacsv
 import pytest
 from import_data import JOINTS, link_messages, motor_messages, truth, write_lerobot, write_mcap, write_robot
 
-from flexviz.errors import InputError
-from flexviz.importing import Inspection, import_logs, inspect_logs
-from flexviz.importing.clocks import guess_unit
-from flexviz.importing.column_names import unit_in
-from flexviz.importing.columns import candidates, find_families
-from flexviz.importing.draft import Person
-from flexviz.importing.formats import open_log
-from flexviz.importing.formats.base import Log, LogTable, ReadOptions
-from flexviz.importing.torque_meaning import evidence
-from flexviz.robot import Robot
+from flexviz.base.errors import InputError
+from flexviz.data.importing import Inspection, import_logs, inspect_logs
+from flexviz.data.importing.clocks import guess_unit
+from flexviz.data.importing.column_names import unit_in
+from flexviz.data.importing.columns import candidates, find_families
+from flexviz.data.importing.draft import Person
+from flexviz.data.importing.formats import open_log
+from flexviz.data.importing.formats.base import Log, LogTable, ReadOptions
+from flexviz.data.importing.torque_meaning import evidence
+from flexviz.robot.robot import Robot
 from tests.small_set import URDF
 
 DATA = truth(rows=1500)
@@ -41,7 +41,7 @@ TWO = ("joint1", "joint2")
 
 @pytest.fixture(autouse=True)
 def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
 
 
 def names(pattern: str, numbers: Sequence[Any]) -> list[str]:

@@ -17,15 +17,15 @@ import pyarrow.parquet as pq
 import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
-from flexviz.cli import analysis
-from flexviz.errors import Cancelled
-from flexviz.importing import import_logs, with_plausibility_warnings
-from flexviz.importing.comparison import LoadedTable
-from flexviz.importing.delays import delay_issues, torque_delay
-from flexviz.importing.mapping import Fix, Issue, Mapping, parse
-from flexviz.importing.plausibility import check_groups
-from flexviz.measurements import GroupTable, MeasurementSet, read_set
-from flexviz.robot import Robot
+from flexviz.base.errors import Cancelled
+from flexviz.data.importing import import_logs, with_plausibility_warnings
+from flexviz.data.importing.comparison import LoadedTable
+from flexviz.data.importing.delays import delay_issues, torque_delay
+from flexviz.data.importing.mapping import Fix, Issue, Mapping, parse
+from flexviz.data.importing.plausibility import check_groups
+from flexviz.data.measurements import GroupTable, MeasurementSet, read_set
+from flexviz.outlets.terminal import analysis
+from flexviz.robot.robot import Robot
 from tests.cases import slow
 
 DEGREE = np.pi / 180
@@ -335,7 +335,7 @@ def test_the_joint_that_is_explained_least_is_named(demo: MeasurementSet) -> Non
 
 
 def test_wrong_is_not_written_unless_insisted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
     data = arm()[1][0]
     write_robot(tmp_path)
     columns = np.column_stack([data.time, data.theta, -data.tau])
@@ -381,7 +381,7 @@ def test_a_diagnosis_says_what_its_set_contradicts(
         assert measurements.joints == demo.joints and "tau of joint2: with sign = -1" in text
         raise Cancelled
 
-    monkeypatch.setattr("flexviz.diagnosis.diagnose", begun)
+    monkeypatch.setattr("flexviz.analysis.diagnosis.diagnose", begun)
     options: dict[str, Any] = dict(guard=None, free_curve=False, draft_effect=None, json_file=None)
     with caplog.at_level("WARNING"), pytest.raises(Cancelled):
         analysis.diagnose(folder, apply=False, decoys=False, **options)

@@ -12,10 +12,10 @@ import pyarrow.csv as pacsv
 import pytest
 from import_data import message, motor_messages, truth, write_lerobot, write_mapping, write_mcap, write_robot
 
-from flexviz.cli import main
-from flexviz.errors import InputError
-from flexviz.importing import import_logs, read_mapping
-from flexviz.measurements import read_set
+from flexviz.base.errors import InputError
+from flexviz.data.importing import import_logs, read_mapping
+from flexviz.data.measurements import read_set
+from flexviz.outlets.terminal import main
 
 DATA = truth(rows=600)
 SIMPLE = """format = 1
@@ -36,7 +36,7 @@ tau = "m2"
 
 @pytest.fixture(autouse=True)
 def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
 
 
 def write(folder: Path, mapping: str = SIMPLE, **changed: np.ndarray) -> Path:

@@ -11,9 +11,9 @@ import pyarrow.csv as pacsv
 import pytest
 from small_set import LINK
 
-from flexviz._pinocchio import pin
-from flexviz.errors import InputError
-from flexviz.importing import Imported, import_logs, inspect_logs
+from flexviz.base.errors import InputError
+from flexviz.data.importing import Imported, import_logs, inspect_logs
+from flexviz.robot._pinocchio import pin
 
 LIFT = """<robot name="lift"><link name="base"/>{link1}{link2}
 <joint name="lift" type="prismatic"><parent link="base"/><child link="link1"/><axis xyz="0 0 1"/>
@@ -40,7 +40,7 @@ tau = "m"
 
 @pytest.fixture(autouse=True)
 def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
 
 
 def motion() -> tuple[np.ndarray, np.ndarray]:

@@ -13,14 +13,14 @@ from independent.cases import make_case
 from shared_data import FAULTS, REAL
 
 from benchmarks.sample_faults import HARMLESS, KINDS, issues_of, log_of, named, write_log
-from flexviz.cli import main
-from flexviz.diagnosis import diagnose
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.importing import import_logs, inspect_logs
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.motion import MOTION
-from flexviz.noise import white_noise
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.identification import identify
+from flexviz.analysis.motion import MOTION
+from flexviz.base.errors import InputError
+from flexviz.data.importing import import_logs, inspect_logs
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.data.noise import white_noise
+from flexviz.outlets.terminal import main
 
 pytestmark = pytest.mark.usefixtures("no_delay")
 Case = tuple[int, str, str]

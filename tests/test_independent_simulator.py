@@ -21,7 +21,7 @@ from independent.laws import STRANGE, Effect, Laws
 from independent.mujoco_robot import Links
 from independent.simulator import Clockwork, Motion, Setup, simulate
 
-from flexviz._pinocchio import pin
+from flexviz.robot._pinocchio import pin
 
 ROTOR = Body(1.0, (0.0, 0.0, 0.0), (0.5, 0.5, 0.8, 0.0, 0.0, 0.0))
 K, B, J = 300.0, 0.4, 0.8

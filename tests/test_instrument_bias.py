@@ -9,28 +9,28 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.bandwidth_check import fit_band
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, layout_of
-from flexviz.equation.link import LinkTerms
-from flexviz.estimation import instrument_bias
-from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.instrumental_variables import refine
-from flexviz.estimation.noise_propagation import (
+from flexviz.analysis.diagnosis.bandwidth_check import fit_band
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.estimation import instrument_bias
+from flexviz.analysis.estimation.instrument_bias import lookback, shared_noise
+from flexviz.analysis.estimation.instrumental_variables import refine
+from flexviz.analysis.estimation.noise_propagation import (
     THETA,
     NoiseDerivatives,
     NoisePath,
     instrument_paths,
     noise_paths,
 )
-from flexviz.estimation.two_band import TwoBandData
-from flexviz.estimation.weighted_point import Point, Whitening
-from flexviz.estimation.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
-from flexviz.measurements import read_set
-from flexviz.model import EffectValue
-from flexviz.observers import FlatZeroPhase
-from flexviz.simulation import make_plan, move, record, write_plan
+from flexviz.analysis.estimation.two_band import TwoBandData
+from flexviz.analysis.estimation.weighted_point import Point, Whitening
+from flexviz.analysis.estimation.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout, layout_of
+from flexviz.model.equation.link import LinkTerms
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.model.simulation import make_plan, move, record, write_plan
+from flexviz.robot.model import EffectValue
 from tests.planar_arm import of_groups
 
 Array = NDArray[np.float64]

@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
-from flexviz.app.events import EventQueue, TaskRunner
-from flexviz.errors import Cancelled, FlexvizError, InputError
-from flexviz.jobs import InThread, JobEvent, Task, Worker
-from flexviz.parallel import ALONE_SECONDS, shared, usable_cores
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.base.errors import Cancelled, FlexvizError, InputError
+from flexviz.base.jobs import InThread, JobEvent, Task, Worker
+from flexviz.base.parallel import ALONE_SECONDS, shared, usable_cores
+from flexviz.base.progress import Progress, ProgressCallback, StopCallback
+from flexviz.outlets.app.events import EventQueue, TaskRunner
 
 PATIENCE = 300.0  # [s] for anything; a test that waits so long has failed
 
@@ -224,7 +224,7 @@ def test_a_dead_process_is_reported_and_replaced(worker: Worker) -> None:
 
 
 def test_a_job_that_does_not_stop_is_ended(worker: Worker, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.jobs.STOP_GRACE", 0.3)
+    monkeypatch.setattr("flexviz.base.jobs.STOP_GRACE", 0.3)
     ears = Ears()
     worker.submit(WasteTime(), ears)
     assert ears.until_progress().text == "begun"
@@ -237,7 +237,7 @@ def test_a_job_that_does_not_stop_is_ended(worker: Worker, monkeypatch: pytest.M
 def test_what_a_user_stops_may_take_its_time_until_stopped_again(
     worker: Worker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexviz.jobs.STOP_GRACE", 0.1)
+    monkeypatch.setattr("flexviz.base.jobs.STOP_GRACE", 0.1)
     for seconds, again, kind in ((1.0, False, "done"), (600.0, True, "stopped")):
         ears = Ears()
         worker.submit(Conclude(seconds), ears)
@@ -332,7 +332,7 @@ def until(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
 @pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 @pytest.mark.parametrize("ended_by", ["stop", "close", "kill of the worker", "kill of the server"])
 def test_no_copy_outlives_its_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended_by: str) -> None:
-    monkeypatch.setattr("flexviz.jobs.STOP_GRACE", 0.3)
+    monkeypatch.setattr("flexviz.base.jobs.STOP_GRACE", 0.3)
     worker, ears, server = Worker(), Ears(), None
     if ended_by == "kill of the server":
         code = "from tests.test_jobs import *; Worker().submit(ShareForEver(Path(sys.argv[1])), Ears())"

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.charts import COLOURS
-from flexviz.effects import EFFECTS
-from flexviz.identification import identify
-from flexviz.laws import VARIABLES, LawThroughData, laws_of, variable_of
-from flexviz.laws.bins import binned, tukey
-from flexviz.laws.variables import path_after
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.view import law_chart, law_charts
+from flexviz.analysis.identification import identify
+from flexviz.analysis.laws import VARIABLES, LawThroughData, laws_of, variable_of
+from flexviz.analysis.laws.bins import binned, tukey
+from flexviz.analysis.laws.variables import path_after
+from flexviz.content.charts import COLOURS
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import EFFECTS
+from flexviz.model.simulation import make_plan, simulate_plan, write_plan
+from flexviz.outlets.view import law_chart, law_charts
 from tests.cases import with_slow
 from tests.planar_arm import TWO, of_groups
 

@@ -14,11 +14,11 @@ import pyarrow.parquet as papq
 import pytest
 from scipy.io import savemat
 
-from flexviz import files, limits, toml
-from flexviz.cli.terminal import write_json
-from flexviz.errors import InputError
-from flexviz.importing.formats import ReadOptions, find_logs, matlab, open_log
-from flexviz.measurements import read_set
+from flexviz.base import files, limits, toml
+from flexviz.base.errors import InputError
+from flexviz.data.importing.formats import ReadOptions, find_logs, matlab, open_log
+from flexviz.data.measurements import read_set
+from flexviz.outlets.terminal.terminal import write_json
 from tests.small_set import write_small_set
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexviz
-from flexviz.arrays import Array
-from flexviz.observers import CausalEso, EqualDelayEso, EsoGains, Observer, binomial_gains
+from flexviz.base.arrays import Array
+from flexviz.model.observers import CausalEso, EqualDelayEso, EsoGains, Observer, binomial_gains
 
 STEP = 0.002  # [s]
 ROUNDING = 1e-7  # of a state's largest value: w⁵ of the rounding of the angle

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from flexviz.results import ResultDocument
-from flexviz.results.summary import text
-from flexviz.wording import number, short_names
+from flexviz.content.results import ResultDocument
+from flexviz.content.results.summary import text
+from flexviz.content.wording import number, short_names
 
 VENDOR = tuple(f"AR5-5_07R-W4C4A2_joint_{k}" for k in range(1, 8))
 NAMES = {

@@ -9,20 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.fine import Fine
-from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.residuals import joint_residuals
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, PulseGroup, Pulses, fine_signals, pulses, reversal_nuisance
-from flexviz.equation.fine_signals import FineSignals
-from flexviz.estimation import least_squares, score_test, whitening
-from flexviz.estimation.noise_weighting import NoiseWeighting
-from flexviz.estimation.whitening import Whitener
-from flexviz.measurements import read_set
-from flexviz.motion import MotionContext, MotionFit
-from flexviz.motion import samples as motion_samples
-from flexviz.recent import Recent
-from flexviz.resources import sessions_dir
+from flexviz.analysis.diagnosis.fine import Fine
+from flexviz.analysis.diagnosis.fit_context import Fit, FitContext
+from flexviz.analysis.diagnosis.residuals import joint_residuals
+from flexviz.analysis.estimation import least_squares, score_test, whitening
+from flexviz.analysis.estimation.noise_weighting import NoiseWeighting
+from flexviz.analysis.estimation.whitening import Whitener
+from flexviz.analysis.motion import MotionContext, MotionFit
+from flexviz.analysis.motion import samples as motion_samples
+from flexviz.base.recent import Recent
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout, PulseGroup, Pulses, fine_signals, pulses, reversal_nuisance
+from flexviz.model.equation.fine_signals import FineSignals
 
 COULOMB = ChosenEffect("coulomb_friction", 1)
 

@@ -13,14 +13,14 @@ from scipy.optimize import lsq_linear
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make, truth_file
 from flexviz import diagnose
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.unknown_curve import best_curve, curve_gain
-from flexviz.effects import ChosenEffect
-from flexviz.effects.free_curve import SIZE, FreeFrictionCurve
-from flexviz.equation import Layout
-from flexviz.estimation import Bounds, bounded_step
-from flexviz.measurements import read_set
-from flexviz.motion import MOTION, MotionContext, MotionFit, Phase
+from flexviz.analysis.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.analysis.diagnosis.unknown_curve import best_curve, curve_gain
+from flexviz.analysis.estimation import Bounds, bounded_step
+from flexviz.analysis.motion import MOTION, MotionContext, MotionFit, Phase
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.effects.free_curve import SIZE, FreeFrictionCurve
+from flexviz.model.equation import Layout
 from tests.planar_arm import HELD_OUT, planar_set
 
 SHARED = Path(__file__).parents[2] / "shared" / "robotlike"

@@ -9,11 +9,11 @@ import pytest
 from shared_data import REAL
 from small_set import columns, write_small_set, write_table
 
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.importing import import_logs
-from flexviz.measurements import read_set
-from flexviz.measurements.segments import find_clock, make_segments, pieces
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.data.importing import import_logs
+from flexviz.data.measurements import read_set
+from flexviz.data.measurements.segments import find_clock, make_segments, pieces
 
 
 @pytest.fixture

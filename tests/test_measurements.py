@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from small_set import URDF, columns, write_small_set, write_table
 
-from flexviz import toml
-from flexviz.errors import InputError
-from flexviz.measurements import GroupTable, MeasurementSet, overview, read_set, write_set
-from flexviz.measurements.segments import SHORTEST, make_segments
-from flexviz.robot import PayloadBody
+from flexviz.base import toml
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import GroupTable, MeasurementSet, overview, read_set, write_set
+from flexviz.data.measurements.segments import SHORTEST, make_segments
+from flexviz.robot.robot import PayloadBody
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 CASES = sorted((SHARED / "practice" / "cases").glob("*/measurements.toml"))

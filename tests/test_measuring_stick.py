@@ -21,7 +21,7 @@ from benchmarks.measuring_stick.sets import CLASSES, MANY, find_sets
 from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.making import write_case
 from benchmarks.running import read, result_file
-from flexviz.measurements import read_set
+from flexviz.data.measurements import read_set
 
 Json = dict[str, Any]
 
@@ -210,7 +210,7 @@ def search(step=0.5, *, name="x", most=3):
 
 
 def test_constants_of_a_source(tmp_path: Path) -> None:
-    folder = tmp_path / "flexviz" / "diagnosis"
+    folder = tmp_path / "flexviz" / "analysis" / "diagnosis"
     folder.mkdir(parents=True)
     (folder / "a.py").write_text(SOURCE)
     (folder.parent / "b.py").write_text("A = 1\n")
@@ -222,7 +222,7 @@ def test_constants_of_a_source(tmp_path: Path) -> None:
         "default": ["search(step)", "search(most)"],
     }
     text = constants.report(tmp_path)
-    assert "flexviz/diagnosis/a.py:3: constant HERTZ = 5.0" in text
+    assert "flexviz/analysis/diagnosis/a.py:3: constant HERTZ = 5.0" in text
     assert "flexviz: 22 lines in 2 files" in text and "flexviz/diagnosis: 21 lines in 1 files" in text
     assert "6 numeric constants: 2 thresholds and 4 of modules; besides, 2 numbers as defaults" in text
 

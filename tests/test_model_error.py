@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from flexviz.arrays import Array
-from flexviz.effects import ChosenEffect
-from flexviz.estimation import Covariance, model_error
-from flexviz.estimation.model_error import with_model_error
-from flexviz.estimation.score_test import Projection
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.estimation import Covariance, model_error
+from flexviz.analysis.estimation.model_error import with_model_error
+from flexviz.analysis.estimation.score_test import Projection
+from flexviz.base.arrays import Array
+from flexviz.base.statistics import NORMAL_95
+from flexviz.model.effects import ChosenEffect
 
 JOINTS = 2
 SAMPLES = 40  # rows: sample by sample, the joints within

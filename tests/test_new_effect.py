@@ -16,19 +16,19 @@ import pytest
 
 from benchmarks.effect_pages.pages import page
 from benchmarks.effect_pages.pictures import PICTURES, VELOCITY, Curve, Picture, draw, sweep, velocity
-from flexviz.cli import main
-from flexviz.diagnosis import diagnose
-from flexviz.effects import EFFECT_NAMES, EFFECTS, EffectTarget, LawEffect
-from flexviz.effects.registry import library
-from flexviz.effects.trial import TrialMotion, TrialSignal
-from flexviz.exporting import FORMATS, LeftOut, coverage
-from flexviz.exporting.coverage import REGISTRIES
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.simulation import simulated_effects
-from flexviz.simulation.effect_laws import LAWS, motor
-from flexviz.simulation.laws import MotorLaw
-from flexviz.view import addable_effects, more_effects
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import EFFECT_NAMES, EFFECTS, EffectTarget, LawEffect
+from flexviz.model.effects.registry import library
+from flexviz.model.effects.trial import TrialMotion, TrialSignal
+from flexviz.model.simulation import simulated_effects
+from flexviz.model.simulation.effect_laws import LAWS, motor
+from flexviz.model.simulation.laws import MotorLaw
+from flexviz.outlets.exporting import FORMATS, LeftOut, coverage
+from flexviz.outlets.exporting.coverage import REGISTRIES
+from flexviz.outlets.terminal import main
+from flexviz.outlets.view import addable_effects, more_effects
 from tests import made_up_effect
 from tests.planar_arm import HELD_OUT, planar_set
 
@@ -36,10 +36,10 @@ ROOT = Path(__file__).resolve().parent.parent
 NAME = "saturating_friction"
 PLATEAU, SPEED = 4.0, 0.4
 PLACES = (
-    "flexviz/effects/<name>.py",
-    "flexviz/effects/names.py",
-    "flexviz/simulation/effect_laws.py",
-    "flexviz/exporting/coverage.py",
+    "flexviz/model/effects/<name>.py",
+    "flexviz/model/effects/names.py",
+    "flexviz/model/simulation/effect_laws.py",
+    "flexviz/outlets/exporting/coverage.py",
     "benchmarks/effect_pages/pictures.py",
 )
 NO_LAW = LeftOut("made up for the tests")
@@ -54,8 +54,8 @@ def simulated_law(plateau: float, speed: float) -> MotorLaw:
 def registered() -> Iterator[None]:
     """The five places of the list."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(sys.modules, f"flexviz.effects.{NAME}", made_up_effect)
-        patch.setattr("flexviz.effects.names.EFFECT_NAMES", (*EFFECT_NAMES, NAME))
+        patch.setitem(sys.modules, f"flexviz.model.effects.{NAME}", made_up_effect)
+        patch.setattr("flexviz.model.effects.names.EFFECT_NAMES", (*EFFECT_NAMES, NAME))
         patch.setitem(EFFECTS, NAME, library((NAME,))[NAME])  # what the registry makes of both
         patch.setitem(LAWS, NAME, motor(simulated_law, positive=("speed",)))
         for entries in REGISTRIES.values():

@@ -9,16 +9,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.pipeline import _Description
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.identification.pipeline import _with_noise_share
-from flexviz.measurements import MeasurementSet, Segment
-from flexviz.noise import check_signals, column_findings, noise_notes, resolution, segments_noise, white_noise
-from flexviz.records import Note
-from flexviz.results import assessment
-from flexviz.wording import verdict_text
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.analysis.diagnosis.pipeline import _Description
+from flexviz.analysis.identification import identify
+from flexviz.analysis.identification.pipeline import _with_noise_share
+from flexviz.base.errors import InputError
+from flexviz.content.records import Note
+from flexviz.content.results import assessment
+from flexviz.content.wording import verdict_text
+from flexviz.data.measurements import MeasurementSet, Segment
+from flexviz.data.noise import (
+    check_signals,
+    column_findings,
+    noise_notes,
+    resolution,
+    segments_noise,
+    white_noise,
+)
 
 STEP = 1e-3  # [s]
 SIGMA = np.array([2e-5, 3e-3])  # of the noise in `signal`

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Equation, Layout, LinkTerms, OperatingPoint, build_signals
-from flexviz.estimation.noise_propagation import noise_paths
-from flexviz.estimation.whitening import noise_kernel, paths_covariance
-from flexviz.measurements import MeasurementSet
-from flexviz.observers import FlatZeroPhase
-from flexviz.robot import Robot
+from flexviz.analysis.estimation.noise_propagation import noise_paths
+from flexviz.analysis.estimation.whitening import noise_kernel, paths_covariance
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Equation, Layout, LinkTerms, OperatingPoint, build_signals
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.robot.robot import Robot
 from tests.test_equation import made_up_set, point
 
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import flexviz
-from flexviz.diagnosis import Diagnosis
-from flexviz.identification import Identification
-from flexviz.measurements import MeasurementSet
-from flexviz.recording import notebook_viewer
+from flexviz.analysis.diagnosis import Diagnosis
+from flexviz.analysis.identification import Identification
+from flexviz.data.measurements import MeasurementSet
+from flexviz.outlets.recording import notebook_viewer
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -113,8 +113,8 @@ def test_a_recording_reaches_the_viewer_of_a_notebook(demo: MeasurementSet, tmp_
     import rerun
     import rerun.notebook
 
-    from flexviz.recording import recording_file
-    from flexviz.workflows import RecordedAnalysis
+    from flexviz.outlets.recording import recording_file
+    from flexviz.outlets.workflows import RecordedAnalysis
 
     with recording_file(demo, tmp_path / "demo.rrd") as file:
         file.recorder.measured(lambda *_: None)

@@ -9,9 +9,9 @@ from scipy.fft import next_fast_len
 from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 
-from flexviz.equation.splines import uniform_spline
-from flexviz.fourier import fast_length
-from flexviz.nonnegative import nonnegative_least_squares
+from flexviz.base.fourier import fast_length
+from flexviz.base.nonnegative import nonnegative_least_squares
+from flexviz.model.equation.splines import uniform_spline
 
 
 def test_fast_length_is_that_of_scipy():
@@ -67,7 +67,7 @@ def test_identify_loads_no_more_of_scipy_than_it_uses():
     code = (
         "import re, sys\n"
         "from pathlib import Path\n"
-        "from flexviz.cli import main\n"
+        "from flexviz.outlets.terminal import main\n"
         "sys.argv = ['flexviz', 'identify', 'demo']\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "parts = ('fft', 'optimize', 'interpolate', 'signal')\n"

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from flexviz.errors import InputError
-from flexviz.identification import ResidualPreview, identify
-from flexviz.measurements import Segment, read_set
-from flexviz.noise import segments_noise
-from flexviz.observers import EsoGains, binomial_gains, eso_poles, make_observer, why_unusable
-from flexviz.session import Session, open_session, save_session
+from flexviz.analysis.identification import ResidualPreview, identify
+from flexviz.base.errors import InputError
+from flexviz.content.session import Session, open_session, save_session
+from flexviz.data.measurements import Segment, read_set
+from flexviz.data.noise import segments_noise
+from flexviz.model.observers import EsoGains, binomial_gains, eso_poles, make_observer, why_unusable
 from tests.small_set import write_small_set
 
 W, STEP = 40.0, 1e-3

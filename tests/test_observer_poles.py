@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.identification import ObservedResidual
-from flexviz.observers import (
+from flexviz.analysis.identification import ObservedResidual
+from flexviz.base.errors import InputError
+from flexviz.model.observers import (
     EsoGains,
     binomial_gains,
     eso_poles,
@@ -20,9 +20,9 @@ from flexviz.observers import (
     multipliers_of_poles,
     why_unusable,
 )
-from flexviz.view import pole_at, poles_html, residuals_html
-from flexviz.view.poles import place_of
-from flexviz.view.tuning import pair, score
+from flexviz.outlets.view import pole_at, poles_html, residuals_html
+from flexviz.outlets.view.poles import place_of
+from flexviz.outlets.view.tuning import pair, score
 
 W = 40.0
 SIX = np.full(6, -W, complex)

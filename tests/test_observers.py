@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexviz.errors import InputError
-from flexviz.measurements import Segment
-from flexviz.observers import OBSERVERS, CausalEso, EqualDelayEso, FlatZeroPhase, make_observer
-from flexviz.observers.base import shifted
-from flexviz.observers.cascade import cascade
-from flexviz.observers.gains import binomial_gains
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import Segment
+from flexviz.model.observers import OBSERVERS, CausalEso, EqualDelayEso, FlatZeroPhase, make_observer
+from flexviz.model.observers.base import shifted
+from flexviz.model.observers.cascade import cascade
+from flexviz.model.observers.gains import binomial_gains
 
 NAMES = list(OBSERVERS)
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.cli.terminal import write_json
-from flexviz.diagnosis import check_bandwidth, diagnose
-from flexviz.equation import layout_of
-from flexviz.errors import InputError
-from flexviz.files import whole_folder
-from flexviz.identification import identify
-from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
-from flexviz.recording import record_set
-from flexviz.session import Session, save_session
+from flexviz.analysis.diagnosis import check_bandwidth, diagnose
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.base.files import whole_folder
+from flexviz.content.session import Session, save_session
+from flexviz.data.measurements import GroupTable, MeasurementSet, read_set, write_set
+from flexviz.model.equation import layout_of
+from flexviz.outlets.recording import record_set
+from flexviz.outlets.terminal.terminal import write_json
 from tests.small_set import columns, write_small_set, write_table
 from tests.test_bad_robots import chain
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.recording import check_recording, read_recording
+from flexviz.outlets.recording import check_recording, read_recording
 from tests.recorded import Read
 
 KEPT = Path(__file__).parent / "data" / "recording_format_1.rrd.xz"
@@ -34,7 +34,7 @@ def test_an_old_recording_is_read(old: Path) -> None:
 
 
 def test_an_old_recording_is_compared(old: Path, tmp_path: Path) -> None:
-    from flexviz.recording import compare_recordings, merge_recordings
+    from flexviz.outlets.recording import compare_recordings, merge_recordings
 
     merged = tmp_path / "both.rrd"
     one = read_recording(old)

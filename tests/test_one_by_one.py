@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from shared_data import SHARED
 
-from flexviz.effects import ChosenEffect
-from flexviz.equation import layout_of
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.motion import MotionContext, one_by_one
+from flexviz.analysis.identification import identify
+from flexviz.analysis.motion import MotionContext, one_by_one
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import layout_of
 
 CASE = "robotlike-2r-03"
 FOLDER = SHARED / "robotlike" / "cases" / CASE

@@ -20,8 +20,8 @@ from benchmarks.one_truth.judging import printed_errors
 from benchmarks.one_truth.making import Planned, make
 from benchmarks.one_truth.plans import PLANS, make_study
 from benchmarks.running import case_folder, made_cases, read, truth_file
-from flexviz.equation import INERTIAL_NAMES
-from flexviz.measurements import GroupTable, read_set
+from flexviz.data.measurements import GroupTable, read_set
+from flexviz.model.equation import INERTIAL_NAMES
 
 COUNTS = {"clean": 120, "two_effects": 50, "torque_scale": 70, "small": 40, "filters": 32}
 RATE = 500.0  # [Hz]

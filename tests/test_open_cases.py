@@ -13,16 +13,16 @@ import pytest
 
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.criterion import gain
-from flexviz.diagnosis.elimination import needs
-from flexviz.diagnosis.search import Search
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, layout_of
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.motion import MotionContext
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.analysis.diagnosis.coarse import Coarse
+from flexviz.analysis.diagnosis.criterion import gain
+from flexviz.analysis.diagnosis.elimination import needs
+from flexviz.analysis.diagnosis.search import Search
+from flexviz.analysis.identification import identify
+from flexviz.analysis.motion import MotionContext
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout, layout_of
 from tests.cases import slow
 from tests.planar_arm import HELD_OUT, planar_set
 from tests.test_elimination_arm import HIDDEN, arm_with
@@ -106,7 +106,7 @@ def test_a_stop_without_apply_gives_a_result(demo: MeasurementSet) -> None:
 @not_yet
 def test_the_present_model_has_one_error(demo: MeasurementSet) -> None:
     """Of the identification and of the first step: the app shows both."""
-    from flexviz.diagnosis import prediction_errors
+    from flexviz.analysis.diagnosis import prediction_errors
 
     errors = prediction_errors(demo, identify(demo).model)
     assert diagnose(demo).steps[0].rms_validation == pytest.approx(errors.rms_validation, rel=0.01)

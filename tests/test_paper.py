@@ -12,11 +12,11 @@ from benchmarks.paper_study import methods
 from benchmarks.paper_study.bound import covariance_bound, discretise, information, linearise
 from benchmarks.paper_study.methods import EQUAL_50, REFINED, ZERO
 from benchmarks.paper_study.simulated import STARTS, Motion, simulate_all
-from flexviz.estimation.base_inertials import base_parameters
-from flexviz.simulation import make_plan
-from flexviz.simulation.building import make_plant
-from flexviz.simulation.integrator import stepper
-from flexviz.simulation.plan import Plan
+from flexviz.analysis.estimation.base_inertials import base_parameters
+from flexviz.model.simulation import make_plan
+from flexviz.model.simulation.building import make_plant
+from flexviz.model.simulation.integrator import stepper
+from flexviz.model.simulation.plan import Plan
 from tests.cases import with_slow
 
 MAIN = ("inertial", "stiffness", "motor inertia")

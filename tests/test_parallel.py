@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz import parallel
-from flexviz.errors import InputError
-from flexviz.parallel import (
+from flexviz.base import parallel
+from flexviz.base.errors import InputError
+from flexviz.base.parallel import (
     existing_objects_kept,
     on_cores,
     shared,

@@ -15,8 +15,8 @@ from benchmarks.peers.prepare import moving_urdf
 from benchmarks.peers.problem import COULOMB, Group, Problem
 from benchmarks.peers.running import METHODS, Method, Outcome, code_lines, run
 from benchmarks.peers.sets import CASES
-from flexviz._pinocchio import pin
-from flexviz.robot import PayloadBody, Robot
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.robot import PayloadBody, Robot
 
 MOTOR, VISCOUS, COULOMB_TORQUE = np.array([2.0, 1.2]), np.array([0.8, 0.5]), np.array([3.0, 1.5])
 

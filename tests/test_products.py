@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.equation import Chain, FilteredProducts, LinkTerms, layout_of
-from flexviz.estimation.noise_model import REFINING
-from flexviz.estimation.two_band import TwoBandData
-from flexviz.identification import identify
-from flexviz.measurements import Segment
-from flexviz.observers import FlatZeroPhase
-from flexviz.robot import Robot
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.estimation.noise_model import REFINING
+from flexviz.analysis.estimation.two_band import TwoBandData
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import Segment
+from flexviz.model.equation import Chain, FilteredProducts, LinkTerms, layout_of
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.robot.robot import Robot
 from tests.test_equation import made_up_set
 from tests.test_reversals import simulated
 

@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from flexviz.cli.terminal import Reporter
-from flexviz.progress import BestSoFar, Pace, Progress
+from flexviz.base.progress import BestSoFar, Pace, Progress
+from flexviz.outlets.terminal.terminal import Reporter
 
 KNOWN = {"search": (0.1, 0.25, 0.5), "refine": (0.4, 0.5, 0.9), "last": (0.8, 0.9, 1.0)}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.public_robots import main
-from flexviz.measurements import read_set
+from flexviz.data.measurements import read_set
 
 LOG = "FrankaEmikaPandaDynModel/matlab/data/Exciting_Traj/Trajectory_1/rbt_log"
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexviz
-from flexviz.measurements import MeasurementSet
+from flexviz.data.measurements import MeasurementSet
 
 BEGINS = ("measurements", "source", "file", "robot", "design")  # what is worked on
 ORDER = (

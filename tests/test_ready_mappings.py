@@ -17,15 +17,15 @@ pytest.importorskip("mujoco")
 from independent.arms import urdf_text
 from independent.cases import draw
 
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.importing import Inspection, Questions, import_logs, importing, inspect_logs
-from flexviz.importing.columns import candidates, find_families
-from flexviz.importing.formats import find_logs, open_log
-from flexviz.importing.formats.base import Log, LogTable, ReadOptions
-from flexviz.importing.mapping import parse
-from flexviz.importing.ready_mappings import FOLDER, ready_mappings, recognised
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.data.importing import Inspection, Questions, import_logs, importing, inspect_logs
+from flexviz.data.importing.columns import candidates, find_families
+from flexviz.data.importing.formats import find_logs, open_log
+from flexviz.data.importing.formats.base import Log, LogTable, ReadOptions
+from flexviz.data.importing.mapping import parse
+from flexviz.data.importing.ready_mappings import FOLDER, ready_mappings, recognised
+from flexviz.data.measurements import MeasurementSet, read_set
 from tests import controller_logs as logs
 from tests.cases import with_slow
 from tests.controller_logs import CONSTANTS, GEARS, RATED, Run

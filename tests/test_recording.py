@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.errors import ConvergenceError
-from flexviz.identification import identify
-from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
-from flexviz.observers import OBSERVERS, make_observer
-from flexviz.recording import record_set
-from flexviz.recording.paths import path
-from flexviz.recording.signals import broken_at_gaps, stride_for
-from flexviz.scene import measured_motion, robot_shape, with_replay
-from flexviz.simulation import replay
-from flexviz.wording import as_markdown
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import ConvergenceError
+from flexviz.content.scene import measured_motion, robot_shape, with_replay
+from flexviz.content.wording import as_markdown
+from flexviz.data.measurements import GroupTable, MeasurementSet, read_set, write_set
+from flexviz.model.observers import OBSERVERS, make_observer
+from flexviz.model.simulation import replay
+from flexviz.outlets.recording import record_set
+from flexviz.outlets.recording.paths import path
+from flexviz.outlets.recording.signals import broken_at_gaps, stride_for
 from tests.recorded import Read, blueprint_of, pose_of
 from tests.small_set import write_small_set
 
@@ -272,7 +272,7 @@ def test_a_model_that_diverges_is_still_recorded(
     def diverges(*arguments: Any, **options: Any) -> None:
         raise ConvergenceError("the simulation diverged at 1 s")
 
-    monkeypatch.setattr("flexviz.simulation.replay", diverges)
+    monkeypatch.setattr("flexviz.model.simulation.replay", diverges)
     record_set(pair, result, tmp_path / "x.rrd", samples=200)
     content = Read(tmp_path / "x.rrd")
     assert "diverged at 1 s" in content.text(path("groups", FIRST, "about"))

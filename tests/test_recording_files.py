@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from flexviz.errors import ConvergenceError, FlexvizError, InputError
-from flexviz.measurements import read_set
-from flexviz.observers import make_observer
-from flexviz.recording import (
+from flexviz.base.errors import ConvergenceError, FlexvizError, InputError
+from flexviz.data.measurements import read_set
+from flexviz.model.observers import make_observer
+from flexviz.outlets.recording import (
     LiveRecording,
     Recorded,
     TruncatedRecording,
@@ -24,7 +24,7 @@ from flexviz.recording import (
     record_set,
     repair_recording,
 )
-from flexviz.recording.files import Target, beside
+from flexviz.outlets.recording.files import Target, beside
 from tests.recorded import Read
 from tests.small_set import write_small_set
 
@@ -124,7 +124,7 @@ def test_a_failure_leaves_what_was_there(small: Any, tmp_path: Path, monkeypatch
     def fails(*arguments: Any) -> None:
         raise ConvergenceError("no shape")
 
-    monkeypatch.setattr("flexviz.recording.scene.robot_shape", fails)
+    monkeypatch.setattr("flexviz.outlets.recording.scene.robot_shape", fails)
     (tmp_path / "old.rrd").write_text("what was there")
     for file in ("old.rrd", "new.rrd"):
         with pytest.raises(ConvergenceError):
@@ -189,7 +189,7 @@ import os, sys, time
 from dataclasses import replace
 from pathlib import Path
 from tests.small_session import small_session
-from flexviz.recording import LiveRecording
+from flexviz.outlets.recording import LiveRecording
 
 folder, moments = Path(sys.argv[1]), [float(moment) for moment in sys.argv[2:]]
 measurements, session = small_session(folder / "small")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from flexviz.recording.files import Target
-from flexviz.recording.frames import RobotFrames
-from flexviz.recording.paths import TIME
-from flexviz.recording.stream import Stream
-from flexviz.robot import Robot
+from flexviz.outlets.recording.files import Target
+from flexviz.outlets.recording.frames import RobotFrames
+from flexviz.outlets.recording.paths import TIME
+from flexviz.outlets.recording.stream import Stream
+from flexviz.robot.robot import Robot
 from tests.recorded import Read, pose_of
 
 INERTIA = """<inertial><mass value="1"/>

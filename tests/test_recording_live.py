@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.charts import COLOURS, cividis, rgb
-from flexviz.errors import FlexvizError, InputError
-from flexviz.model import EffectValue
-from flexviz.observers import make_observer
-from flexviz.recording import LiveRecording, check_recording, repair_recording
-from flexviz.recording.charts import step_names
-from flexviz.recording.stream import Stream, viewer_address
-from flexviz.recording.viewers import free_port, rerun_program
-from flexviz.simulation.run import Run
+from flexviz.base.errors import FlexvizError, InputError
+from flexviz.content.charts import COLOURS, cividis, rgb
+from flexviz.model.observers import make_observer
+from flexviz.model.simulation.run import Run
+from flexviz.outlets.recording import LiveRecording, check_recording, repair_recording
+from flexviz.outlets.recording.charts import step_names
+from flexviz.outlets.recording.stream import Stream, viewer_address
+from flexviz.outlets.recording.viewers import free_port, rerun_program
+from flexviz.robot.model import EffectValue
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of
 from tests.small_session import small_session

@@ -16,12 +16,12 @@ from typing import Any
 
 import pytest
 
-from flexviz.cli import main
-from flexviz.errors import InputError
-from flexviz.recording import check_recording, read_recording, record_set, viewers
-from flexviz.recording.comparing import compare_recordings
-from flexviz.recording.viewers import free_port, has_display, show_in_window, web_viewer
-from flexviz.session import save_session
+from flexviz.base.errors import InputError
+from flexviz.content.session import save_session
+from flexviz.outlets.recording import check_recording, read_recording, record_set, viewers
+from flexviz.outlets.recording.comparing import compare_recordings
+from flexviz.outlets.recording.viewers import free_port, has_display, show_in_window, web_viewer
+from flexviz.outlets.terminal import main
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of, pose_of
 from tests.small_session import small_session
@@ -51,7 +51,7 @@ def files(session: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     runs = ((folder / "a.rrd", result, None), (folder / "b.rrd", other, DIAGNOSIS))
     for file, shown, diagnosis in runs:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("flexviz.recording.writing.RecordingFile.simulate", lambda *a: None)
+            patch.setattr("flexviz.outlets.recording.writing.RecordingFile.simulate", lambda *a: None)
             record_set(short, shown, file, samples=100, diagnosis=diagnosis, label=file.stem)
     return runs[0][0], runs[1][0]
 
@@ -114,7 +114,7 @@ def test_bad_input_is_named(files: tuple[Path, Path], session: Any, tmp_path: Pa
 
 
 def test_a_session_becomes_a_recording(session: Any, tmp_path: Path, capfd: Any, monkeypatch: Any) -> None:
-    monkeypatch.setattr("flexviz.recording.writing.RecordingFile.simulate", lambda *a: None)
+    monkeypatch.setattr("flexviz.outlets.recording.writing.RecordingFile.simulate", lambda *a: None)
     measurements, analyses = session
     save_session(analyses.with_note("look at joint 2"), measurements, tmp_path / "kept")
     code, out, _ = review(capfd, tmp_path / "kept", "--check", "--out", tmp_path / "kept.rrd")

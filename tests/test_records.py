@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis
-from flexviz.errors import InputError
-from flexviz.results import read_result
-from flexviz.session import open_session, save_session
-from flexviz.session.document import FORMAT
+from flexviz.analysis.diagnosis import Diagnosis
+from flexviz.base.errors import InputError
+from flexviz.content.results import read_result
+from flexviz.content.session import open_session, save_session
+from flexviz.content.session.document import FORMAT
 from tests.found import CURVE, DIAGNOSIS, TIED_DIAGNOSIS
 from tests.small_set import write_small_set
 
@@ -27,19 +27,19 @@ PYCACHE = shutil.ignore_patterns("__pycache__")
 
 # file of the product -> a line, and the field that is to stand after it
 NEW = {
-    "records/parameters.py": ("    at_bound: bool = False\n", '    seen: str = "twice"\n'),
-    "records/findings.py": ("    payload: str | None = None\n", "    weight: Real = math.nan\n"),
-    "results/fields.py": ("    refined: bool = False\n", '    weather: str = "dry"\n'),
+    "content/records/parameters.py": ("    at_bound: bool = False\n", '    seen: str = "twice"\n'),
+    "content/records/findings.py": ("    payload: str | None = None\n", "    weight: Real = math.nan\n"),
+    "content/results/fields.py": ("    refined: bool = False\n", '    weather: str = "dry"\n'),
 }
 ASK = """
 import json, sys
 from dataclasses import replace
 from pathlib import Path
 import pyarrow.parquet as papq
-from flexviz.batch.rows import FleetRow
-from flexviz.batch.table import read_table, write_table
-from flexviz.results import ResultDocument
-from flexviz.session import open_session, save_session
+from flexviz.outlets.batch.rows import FleetRow
+from flexviz.outlets.batch.table import read_table, write_table
+from flexviz.content.results import ResultDocument
+from flexviz.content.session import open_session, save_session
 from tests.found import DIAGNOSIS
 from tests.small_session import small_session
 work, old = Path(sys.argv[1]), Path(sys.argv[2])
@@ -72,11 +72,11 @@ print(json.dumps({
 
 # of a solver option, where it is defined and where the command line says what it does
 OPTION = {
-    "identification/settings.py": (
+    "analysis/identification/settings.py": (
         ("    max_iterations: int = 60\n", "    damping: float = 1.0\n"),
         ("    max_iterations: int\n", "    damping: float\n"),
     ),
-    "cli/options.py": (
+    "outlets/terminal/options.py": (
         (
             "    ] = True\n",
             '    damping: Annotated[float, typer.Option(help="How long to try, in s.")] = 1.0\n',
@@ -89,10 +89,10 @@ import json, sys
 from dataclasses import asdict
 from pathlib import Path
 import flexviz
-from flexviz.batch import SetOptions
-from flexviz.cli.options import IdentificationOptions
-from flexviz.identification import fit_settings
-from flexviz.session import open_session, save_session
+from flexviz.outlets.batch import SetOptions
+from flexviz.outlets.terminal.options import IdentificationOptions
+from flexviz.analysis.identification import fit_settings
+from flexviz.content.session import open_session, save_session
 from tests.small_session import small_session
 work = Path(sys.argv[1])
 measurements, session = small_session(work / "set")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.errors import InputError
-from flexviz.importing.assembling import decoded
-from flexviz.noise import Channel, check_jumps, sign_magnitude
+from flexviz.base.errors import InputError
+from flexviz.data.importing.assembling import decoded
+from flexviz.data.noise import Channel, check_jumps, sign_magnitude
 
 Array = NDArray[np.float64]
 RATE = 250.0  # [Hz]

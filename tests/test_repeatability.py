@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexviz.batch import (
+from flexviz.content.records import Grade, ParameterEstimate
+from flexviz.model.simulation import make_plan, simulate_plan, write_plan
+from flexviz.model.simulation.references import random_fourier
+from flexviz.outlets.batch import (
     ClusterChoice,
     FleetRow,
     SetOptions,
@@ -18,10 +21,7 @@ from flexviz.batch import (
     repeatability_lines,
     run_batch,
 )
-from flexviz.batch.page import summary_page
-from flexviz.records import Grade, ParameterEstimate
-from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.simulation.references import random_fourier
+from flexviz.outlets.batch.page import summary_page
 from tests.planar_arm import HELD_OUT, of_groups
 from tests.test_batch_fleet import row
 

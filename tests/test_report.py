@@ -13,17 +13,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.records import EffectParameter, GroupError, Note
-from flexviz.report import diagnosed_session, session_report
-from flexviz.report.content import gather
-from flexviz.report.html import html
-from flexviz.report.markdown import markdown
-from flexviz.report.sections.summary import sentence
-from flexviz.report.writing import compose
-from flexviz.session import Session
-from flexviz.wording import number
+from flexviz.base.errors import InputError
+from flexviz.content.records import EffectParameter, GroupError, Note
+from flexviz.content.session import Session
+from flexviz.content.wording import number
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.outlets.report import diagnosed_session, session_report
+from flexviz.outlets.report.content import gather
+from flexviz.outlets.report.html import html
+from flexviz.outlets.report.markdown import markdown
+from flexviz.outlets.report.sections.summary import sentence
+from flexviz.outlets.report.writing import compose
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
 from tests.small_session import small_session
 from tests.small_set import TOML, write_small_set

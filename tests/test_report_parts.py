@@ -12,15 +12,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon
-from flexviz.charts.svg import draw_svg, log_ticks, stretches, ticks
-from flexviz.cli import main
-from flexviz.diagnosis import Diagnosis
-from flexviz.measurements import read_set
-from flexviz.records import EffectParameter
-from flexviz.report import diagnosed_session, session_report
-from flexviz.report.sections.errors import columns
-from flexviz.session import Session, diagnosed_models, is_session, open_session, save_session
+from flexviz.analysis.diagnosis import Diagnosis
+from flexviz.content.charts import Chart, ChartAxis, ChartSeries, Ribbon
+from flexviz.content.charts.svg import draw_svg, log_ticks, stretches, ticks
+from flexviz.content.records import EffectParameter
+from flexviz.content.session import Session, diagnosed_models, is_session, open_session, save_session
+from flexviz.data.measurements import read_set
+from flexviz.outlets.report import diagnosed_session, session_report
+from flexviz.outlets.report.sections.errors import columns
+from flexviz.outlets.terminal import main
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, GUARD, OFFSET, TIED_DIAGNOSIS
 from tests.small_session import small_session
 from tests.small_set import write_small_set
@@ -112,7 +112,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, answer: Diagnosis | None) -> list
         asked.append({"effects": measurements.effects, **options})
         return answer
 
-    monkeypatch.setattr("flexviz.workflows.diagnose", diagnose)
+    monkeypatch.setattr("flexviz.outlets.workflows.diagnose", diagnose)
     return asked
 
 
@@ -143,7 +143,9 @@ def test_a_session_gets_computed_only_what_it_does_not_hold(
     assert asked[0]["apply"] is False and asked[0]["effects"] == ("coulomb_friction", "torque_offset:joint1")
     answering(monkeypatch, None)
     looked: list[Any] = []
-    monkeypatch.setattr("flexviz.workflows.bandwidth_checked", lambda *args: looked.append(args) or GUARD)
+    monkeypatch.setattr(
+        "flexviz.outlets.workflows.bandwidth_checked", lambda *args: looked.append(args) or GUARD
+    )
     assert main(["report", "more", "--out", "b.md"]) == 0 and not looked
     assert "the option --guard" in (workplace / "b.md").read_text()
     assert main(["report", "more", "--out", "b.md", "--guard"]) == 0 and len(looked) == 1

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.candidates import alternatives, with_offsets_merged, without
-from flexviz.diagnosis.coarse import Coarse, CoarseModel
-from flexviz.diagnosis.criterion import gain
-from flexviz.diagnosis.fine import Fine, FineModel
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.search import Search
-from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import is_curve
-from flexviz.effects import DECOYS, EFFECTS, ChosenEffect, kin
-from flexviz.equation import Layout
-from flexviz.measurements import MeasurementSet
-from flexviz.motion import MotionContext
+from flexviz.analysis.diagnosis.candidates import alternatives, with_offsets_merged, without
+from flexviz.analysis.diagnosis.coarse import Coarse, CoarseModel
+from flexviz.analysis.diagnosis.criterion import gain
+from flexviz.analysis.diagnosis.fine import Fine, FineModel
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.diagnosis.search import Search
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
+from flexviz.analysis.diagnosis.unknown_curve import is_curve
+from flexviz.analysis.motion import MotionContext
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import DECOYS, EFFECTS, ChosenEffect, kin
+from flexviz.model.equation import Layout
 from tests.planar_arm import HELD_OUT, planar_set
 
 COULOMB, OFFSET = ChosenEffect("coulomb_friction", 1), ChosenEffect("torque_offset", 0)

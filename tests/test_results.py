@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import flexviz
-from flexviz.errors import FlexvizError, InputError
-from flexviz.files import as_json
-from flexviz.identification import Identification, identify
-from flexviz.measurements import read_set
-from flexviz.resources import sessions_dir
-from flexviz.results import ParameterNotFound, ResultDocument, json_schema, read_result
+from flexviz.analysis.identification import Identification, identify
+from flexviz.base.errors import FlexvizError, InputError
+from flexviz.base.files import as_json
+from flexviz.base.resources import sessions_dir
+from flexviz.content.results import ParameterNotFound, ResultDocument, json_schema, read_result
+from flexviz.data.measurements import read_set
 from tests.found import DIAGNOSIS, GUARD, MAPS, TIED_DIAGNOSIS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,12 +11,12 @@ import pytest
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
 from flexviz import diagnose
-from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, FitContext
-from flexviz.effects import EFFECTS, LawEffect
-from flexviz.equation import layout_of
-from flexviz.equation.reversal_nuisance import undecided
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.analysis.diagnosis.fit_context import SEARCH_WEIGHTING, FitContext
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import EFFECTS, LawEffect
+from flexviz.model.equation import layout_of
+from flexviz.model.equation.reversal_nuisance import undecided
 from tests.test_equation_parts import moving
 
 SOFT = "clean-2r-009-link_coulomb_friction"  # links that stick and break loose, in the set's own model

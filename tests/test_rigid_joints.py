@@ -11,13 +11,13 @@ from small_set import write_small_set
 
 from benchmarks.rigid_joints import make_case, rigid_outcome, spoilt, torque_outcome
 from flexviz import identify, read_set
-from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.errors import InputError
-from flexviz.importing.mapping import Issue
-from flexviz.importing.proposals import Proposal, proposed
-from flexviz.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
-from flexviz.observers import make_observer
-from flexviz.results import hints
+from flexviz.base.errors import InputError
+from flexviz.content.results import hints
+from flexviz.data.importing.mapping import Issue
+from flexviz.data.importing.proposals import Proposal, proposed
+from flexviz.data.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
+from flexviz.model.equation import Equation, build_signals, layout_of
+from flexviz.model.observers import make_observer
 
 
 @pytest.fixture(scope="module")

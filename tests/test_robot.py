@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz._pinocchio import pin
-from flexviz.errors import InputError
-from flexviz.model import FlexibleModel
-from flexviz.robot import PayloadBody, Robot
-from flexviz.robot_files import resolve_mesh
-from flexviz.scene import robot_shape
+from flexviz.base.errors import InputError
+from flexviz.content.scene import robot_shape
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import FlexibleModel
+from flexviz.robot.robot import PayloadBody, Robot
+from flexviz.robot.robot_files import resolve_mesh
 
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 MIXED = [ARM[i] for i in (2, 0, 6, 1, 3, 5, 4)]

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.cli.simulate import summary
-from flexviz.errors import InputError
-from flexviz.exporting import write
-from flexviz.exporting.followers import followers_of
-from flexviz.measurements import read_set
-from flexviz.robot import Robot
-from flexviz.simulation import from_urdf, make_plan
-from flexviz.simulation.sets import simulate_preset
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import read_set
+from flexviz.model.simulation import from_urdf, make_plan
+from flexviz.model.simulation.sets import simulate_preset
+from flexviz.outlets.exporting import write
+from flexviz.outlets.exporting.followers import followers_of
+from flexviz.outlets.terminal.simulate import summary
+from flexviz.robot.robot import Robot
 from tests.exporting_cases import identified
 from tests.shared_data import FAULTS
 from tests.small_set import JOINT, LINK, URDF

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from flexviz import Robot
-from flexviz.app.uploads import describe_robot
-from flexviz.cli import main
-from flexviz.errors import InputError
-from flexviz.robot_files import example_robots, robots_dir
-from flexviz.urdf_units import Units
+from flexviz.base.errors import InputError
+from flexviz.outlets.app.uploads import describe_robot
+from flexviz.outlets.terminal import main
+from flexviz.robot.robot_files import example_robots, robots_dir
+from flexviz.robot.urdf_units import Units
 from tests.shared_data import FAULTS, REAL
 from tests.small_set import URDF, write_small_set
 

@@ -22,10 +22,10 @@ from benchmarks.robotlike_study.effects import DRAWS, NUMBERS
 from benchmarks.robotlike_study.making import filter_delay, make, plan_of
 from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
 from benchmarks.running import case_folder, result_file, truth_file
-from flexviz._pinocchio import pin
-from flexviz.measurements import read_set
-from flexviz.model import EffectValue
-from flexviz.simulation import Sensors
+from flexviz.data.measurements import read_set
+from flexviz.model.simulation import Sensors
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import EffectValue
 
 TINY = RobotCase("rl5-2r-009", "2r", 5, 1.2)
 

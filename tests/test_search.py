@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import gain
-from flexviz.diagnosis.search import Search
+from flexviz.analysis.diagnosis.criterion import gain
+from flexviz.analysis.diagnosis.search import Search
 from tests.cases import slow
 from tests.toy_regression import COLUMNS, FITTED, HELD_OUT, LinearModel, Regression, autoregressive
 

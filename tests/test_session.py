@@ -9,12 +9,11 @@ from typing import Any
 
 import pytest
 
-from flexviz.diagnosis import Diagnosis, Step
-from flexviz.errors import InputError
-from flexviz.identification import FitSettings
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.records import ParameterEstimate, Verdict
-from flexviz.session import (
+from flexviz.analysis.diagnosis import Diagnosis, Step
+from flexviz.analysis.identification import FitSettings
+from flexviz.base.errors import InputError
+from flexviz.content.records import ParameterEstimate, Verdict
+from flexviz.content.session import (
     HISTORY,
     Analysis,
     ResultStanding,
@@ -26,6 +25,7 @@ from flexviz.session import (
     standing,
     with_roles,
 )
+from flexviz.data.measurements import MeasurementSet, read_set
 from tests.small_set import write_small_set
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.session import SESSION_FILE, Session, is_session, open_session, save_session, zipped
+from flexviz.base.errors import InputError
+from flexviz.content.session import SESSION_FILE, Session, is_session, open_session, save_session, zipped
+from flexviz.data.measurements import MeasurementSet, read_set
 from tests.found import DIAGNOSIS, TIED_DIAGNOSIS
 from tests.small_session import small_session
 
@@ -158,9 +158,9 @@ def test_a_spoiled_one_says_so(
 
 @pytest.mark.slow
 def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
-    from flexviz.diagnosis import Diagnosis, diagnose
-    from flexviz.resources import sessions_dir
-    from flexviz.session.packing import Packer, Unpacker
+    from flexviz.analysis.diagnosis import Diagnosis, diagnose
+    from flexviz.base.resources import sessions_dir
+    from flexviz.content.session.packing import Packer, Unpacker
 
     found = diagnose(read_set(sessions_dir() / "planar-2r-demo"), apply=True, guard=True)
     packer = Packer(tmp_path)

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz import files
-from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet, fingerprint, read_set, require_unchanged
-from flexviz.session import (
+from flexviz.base import files
+from flexviz.base.errors import InputError
+from flexviz.content.session import (
     SESSION_FILE,
     Autosave,
     Session,
@@ -28,7 +27,8 @@ from flexviz.session import (
     relocate,
     save_session,
 )
-from flexviz.session.document import FORMAT
+from flexviz.content.session.document import FORMAT
+from flexviz.data.measurements import MeasurementSet, fingerprint, read_set, require_unchanged
 from tests.found import DIAGNOSIS
 from tests.small_session import small_session
 from tests.small_set import write_small_set
@@ -37,7 +37,7 @@ ROOT = Path(__file__).resolve().parent.parent
 KEEP_AND_DIE = """
 import os, sys
 from pathlib import Path
-from flexviz.session import Autosave, open_session
+from flexviz.content.session import Autosave, open_session
 opened, keeper = open_session(sys.argv[1]), Autosave(lambda: Path(sys.argv[2]))
 keeper.keep(opened.session.with_note("kept in time"), opened.measurements)
 keeper.flush()
@@ -205,7 +205,7 @@ def test_a_session_can_be_saved_after_its_set_has_been_removed(kept: Kept, tmp_p
 
 def test_what_another_program_has_saved_is_not_overwritten(kept: Kept) -> None:
     measurements, session, folder = kept
-    save = "from flexviz.session import open_session; o = open_session({!r}); o.save()"
+    save = "from flexviz.content.session import open_session; o = open_session({!r}); o.save()"
     subprocess.run([sys.executable, "-c", save.format(str(folder))], cwd=ROOT, check=True)
     theirs = (folder / SESSION_FILE).read_bytes()
     with pytest.raises(SessionChanged, match="saved by another program meanwhile"):

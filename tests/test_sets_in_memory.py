@@ -14,7 +14,7 @@ import pytest
 
 import flexviz
 from benchmarks.static_stiffness import add_pushes, make_case
-from flexviz.measurements import GroupTable, MeasurementSet
+from flexviz.data.measurements import GroupTable, MeasurementSet
 from tests.small_set import write_small_set
 
 PROPERTIES = ("joints", "torque_hold", "effects", "date", "torque", "rigid", "no_torque", "simulated")

@@ -12,13 +12,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flexviz._pinocchio import pin
-from flexviz.errors import InputError
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import PDController, Run, Sinusoid, simulate_run
-from flexviz.simulation.effect_laws import LAWS
-from flexviz.simulation.presets import planar_inertial
+from flexviz.base.errors import InputError
+from flexviz.model.simulation import PDController, Run, Sinusoid, simulate_run
+from flexviz.model.simulation.effect_laws import LAWS
+from flexviz.model.simulation.presets import planar_inertial
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import EffectValue, FlexibleModel
+from flexviz.robot.robot import PayloadBody, Robot
 
 H = 0.00025
 K, B = np.array([1000.0, 1100.0]), np.array([2.45, 1.55])
@@ -294,7 +294,7 @@ def test_effects_of_other_groups_do_nothing(robot: Robot) -> None:
 
 
 def test_every_effect_name_is_here() -> None:
-    from flexviz.effects.names import EFFECT_NAMES
+    from flexviz.model.effects.names import EFFECT_NAMES
 
     tested = {case[0] for case in (*MOTOR_CASES, *LINK_CASES, *JOINT_CASES)}
     alone = {"presliding_hysteresis", "torque_gain", "torque_delay", "payload_error", "base_tilt"}

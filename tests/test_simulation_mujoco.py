@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import PDController, Reference, Run, Sinusoid, make_plan, simulate_run
+from flexviz.model.simulation import PDController, Reference, Run, Sinusoid, make_plan, simulate_run
+from flexviz.robot.model import EffectValue, FlexibleModel
+from flexviz.robot.robot import PayloadBody, Robot
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz._pinocchio import pin
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import Robot
-from flexviz.simulation import PDController, Sinusoid, make_plan, random_fourier, simulate_run
-from flexviz.simulation.building import TorquePath, make_plant
-from flexviz.simulation.integrator import stepper
-from flexviz.simulation.laws import ElasticJoint
-from flexviz.simulation.loop import Loop
-from flexviz.simulation.presets import planar_inertial
+from flexviz.model.simulation import PDController, Sinusoid, make_plan, random_fourier, simulate_run
+from flexviz.model.simulation.building import TorquePath, make_plant
+from flexviz.model.simulation.integrator import stepper
+from flexviz.model.simulation.laws import ElasticJoint
+from flexviz.model.simulation.loop import Loop
+from flexviz.model.simulation.presets import planar_inertial
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import EffectValue, FlexibleModel
+from flexviz.robot.robot import Robot
 
 ROTOR = """<robot name="rotor"><link name="base"/>
   <link name="disc"><inertial><mass value="1"/>
@@ -208,7 +208,7 @@ def test_joint_order_does_not_matter() -> None:
     )
     from dataclasses import replace
 
-    from flexviz.simulation import Sampled
+    from flexviz.model.simulation import Sampled
 
     time = np.arange(0, 0.6, 0.01)
     position, _ = plan.groups[0].reference.sample(time)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.errors import Cancelled
-from flexviz.measurements import MeasurementSet, Segment, read_set
-from flexviz.simulation import Plan, make_plan, replay, simulate_plan, write_plan
+from flexviz.base.errors import Cancelled
+from flexviz.data.measurements import MeasurementSet, Segment, read_set
+from flexviz.model.simulation import Plan, make_plan, replay, simulate_plan, write_plan
 
 
 def simulated(plan: Plan, folder: Path, duration: float) -> MeasurementSet:

@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz._pinocchio import pin
-from flexviz.errors import Cancelled, InputError
-from flexviz.measurements import read_set
-from flexviz.resources import sessions_dir
-from flexviz.robot import SETTINGS, Robot, load_settings
-from flexviz.simulation import (
+from flexviz.base.errors import Cancelled, InputError
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import read_set
+from flexviz.model.simulation import (
     PRESETS,
     PDController,
     Plan,
@@ -27,9 +25,17 @@ from flexviz.simulation import (
     simulate_preset,
     write_plan,
 )
-from flexviz.simulation.effect_laws import LAWS
-from flexviz.simulation.presets import PAPER_GROUPS, PLANAR_TRUTH, paper, paper_payloads, planar_inertial
-from flexviz.simulation.sets import truth
+from flexviz.model.simulation.effect_laws import LAWS
+from flexviz.model.simulation.presets import (
+    PAPER_GROUPS,
+    PLANAR_TRUTH,
+    paper,
+    paper_payloads,
+    planar_inertial,
+)
+from flexviz.model.simulation.sets import truth
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.robot import SETTINGS, Robot, load_settings
 
 
 def short(plan: Plan, duration: float = 0.3) -> Plan:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.errors import InputError
-from flexviz.measurements import read_set
-from flexviz.simulation import from_urdf
-from flexviz.simulation.from_urdf import plan_from_urdf
-from flexviz.simulation.sets import make_plan, simulate_preset
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import read_set
+from flexviz.model.simulation import from_urdf
+from flexviz.model.simulation.from_urdf import plan_from_urdf
+from flexviz.model.simulation.sets import make_plan, simulate_preset
 from tests.small_set import URDF
 
 

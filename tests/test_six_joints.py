@@ -10,8 +10,8 @@ import pyarrow.parquet as papq
 import pytest
 
 from benchmarks.independent import make_case
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.measurements import read_set
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.data.measurements import read_set
 from tests.shared_data import REAL
 
 LATE = slice(2, 6)  # beyond the second joint

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis_study.motions import random_moves
-from flexviz.diagnosis import diagnose, prediction_errors
-from flexviz.diagnosis.coarse import Coarse
-from flexviz.diagnosis.search import Search
-from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, Segment, read_set
-from flexviz.motion import MotionContext, Phase
-from flexviz.simulation import make_plan, simulate_plan, write_plan
+from flexviz.analysis.diagnosis import diagnose, prediction_errors
+from flexviz.analysis.diagnosis.coarse import Coarse
+from flexviz.analysis.diagnosis.search import Search
+from flexviz.analysis.identification import identify
+from flexviz.analysis.motion import MotionContext, Phase
+from flexviz.data.measurements import MeasurementSet, Segment, read_set
+from flexviz.model.effects import ChosenEffect
+from flexviz.model.equation import Layout
+from flexviz.model.simulation import make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
 
 COULOMB, STARTUP = ChosenEffect("coulomb_friction", 0), ChosenEffect("startup_friction", 0)

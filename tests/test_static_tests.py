@@ -10,12 +10,12 @@ import pytest
 
 from benchmarks.static_stiffness import add_pushes, make_case, outcome
 from flexviz import identify, read_set
-from flexviz.designing import design_static, static_lines, subject_of, write_static
-from flexviz.equation import LinkDynamics, layout_of
-from flexviz.errors import InputError
-from flexviz.estimation.holds import HoldsTerm, clamped_compliances, free_holds
-from flexviz.measurements import HoldGroup, Holds, MeasurementSet, find_holds
-from flexviz.robot import PayloadBody
+from flexviz.analysis.designing import design_static, static_lines, subject_of, write_static
+from flexviz.analysis.estimation.holds import HoldsTerm, clamped_compliances, free_holds
+from flexviz.base.errors import InputError
+from flexviz.data.measurements import HoldGroup, Holds, MeasurementSet, find_holds
+from flexviz.model.equation import LinkDynamics, layout_of
+from flexviz.robot.robot import PayloadBody
 
 STIFFNESS, FRICTION, LOADED = 2000.0, 1.5, 0.05
 

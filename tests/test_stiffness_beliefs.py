@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.estimation.model_error import student_factor
-from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.results import LinkSide
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.estimation.model_error import student_factor
+from flexviz.analysis.identification import Identification, identify
+from flexviz.base.statistics import NORMAL_95
+from flexviz.content.results import LinkSide
+from flexviz.data.measurements import MeasurementSet, read_set
 from tests.test_where import Law, slow_friction, with_hidden
 
 TRUE = {"joint1": 1000.0, "joint2": 1100.0}  # [Nm/rad]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.notes import without_still_groups
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.diagnosis.notes import without_still_groups
+from flexviz.data.measurements import Group, MeasurementSet
 
 
 def held(group: Group, joints: Sequence[int]) -> Group:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.equation import OperatingPoint, layout_of
-from flexviz.estimation import Stopped, TwoBandData
-from flexviz.identification import FitSettings, identify
-from flexviz.identification.plain_fit import StepReporter, plain_fit
-from flexviz.importing import plausibility_warnings
-from flexviz.measurements import MeasurementSet
-from flexviz.progress import Progress
+from flexviz.analysis.estimation import Stopped, TwoBandData
+from flexviz.analysis.identification import FitSettings, identify
+from flexviz.analysis.identification.plain_fit import StepReporter, plain_fit
+from flexviz.base.progress import Progress
+from flexviz.data.importing import plausibility_warnings
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.equation import OperatingPoint, layout_of
 
 
 class Counted:

@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from flexviz.batch import (
+from flexviz.base.errors import InputError
+from flexviz.outlets.batch import (
     ClusterChoice,
     StudyPlan,
     StudyRun,
@@ -22,10 +23,9 @@ from flexviz.batch import (
     spreads,
     working,
 )
-from flexviz.batch.study_page import study_page
-from flexviz.batch.study_plan import study_tasks
-from flexviz.cli import main
-from flexviz.errors import InputError
+from flexviz.outlets.batch.study_page import study_page
+from flexviz.outlets.batch.study_plan import study_tasks
+from flexviz.outlets.terminal import main
 from tests.small_set import write_small_set
 
 HERE = ClusterChoice(workers=1, processes=False)
@@ -79,7 +79,7 @@ def test_a_bootstrap_draws_blocks_and_a_sweep_tries_bandwidths(tmp_path: Path) -
     assert [row["value"] for row in rows][:3] == values and [row["seed"] for row in rows] == [0, 1, 2, 3]
     arguments = ["study", "bandwidth", str(folder), "--out", str(tmp_path / "w"), "--at", "20", "--at", "30"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("flexviz.batch.ClusterChoice", lambda *_: HERE)
+        patch.setattr("flexviz.outlets.batch.ClusterChoice", lambda *_: HERE)
         assert main(arguments) == 0
     assert "Error against bandwidth" in (tmp_path / "w" / "summary.html").read_text(encoding="utf-8")
 

@@ -10,16 +10,16 @@ import pytest
 from import_data import truth
 from small_set import write_small_set
 
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.candidates import candidates
-from flexviz.effects import EFFECTS, ChosenEffect, JointMotion
-from flexviz.equation import Layout
-from flexviz.errors import InputError
-from flexviz.identification import identify
-from flexviz.importing import import_logs
-from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
-from flexviz.simulation import inject, laws, make_plan, move, simulate_plan, write_plan
-from flexviz.wording import temperature_text
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.diagnosis.candidates import candidates
+from flexviz.analysis.identification import identify
+from flexviz.base.errors import InputError
+from flexviz.content.wording import temperature_text
+from flexviz.data.importing import import_logs
+from flexviz.data.measurements import GroupTable, MeasurementSet, read_set, write_set
+from flexviz.model.effects import EFFECTS, ChosenEffect, JointMotion
+from flexviz.model.equation import Layout
+from flexviz.model.simulation import inject, laws, make_plan, move, simulate_plan, write_plan
 from tests.planar_arm import of_groups
 from tests.test_import_mapping import SIMPLE
 from tests.test_import_mapping import write as write_log
@@ -80,7 +80,7 @@ def test_other_temperatures_are_refused(tmp_path: Path, line: str, message: str)
 
 
 def test_a_mapping_may_state_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    monkeypatch.setattr("flexviz.data.importing.importing.torque_delay", lambda *_: None)
     for line, expected in (("31", [31.0, 31.0]), ("[31, 40.5]", [31.0, 40.5])):
         folder = tmp_path / f"{len(line)}"
         folder.mkdir()

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.diagnosis import prediction_errors
-from flexviz.effects import JointState
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
+from flexviz.analysis.diagnosis import prediction_errors
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import JointState
+from flexviz.model.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexviz
-from flexviz.effects import EFFECTS, EffectTarget, choose_effects, everywhere
+from flexviz.model.effects import EFFECTS, EffectTarget, choose_effects, everywhere
 from tests.planar_arm import planar_set
 
 PAIR = ("a", "b")

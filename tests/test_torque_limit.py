@@ -12,14 +12,14 @@ from independent.laws import Effect as TrueEffect
 from independent.simulator import simulate
 
 import flexviz
-from flexviz.diagnosis.seen_limits import limit_findings
-from flexviz.effects import EFFECTS, EffectTarget
-from flexviz.effects.torque_limit import SHARES, beyond
-from flexviz.equation import build_signals
-from flexviz.estimation.whitening import whitener
-from flexviz.importing.checking import check_saturated
-from flexviz.measurements import MeasurementSet, Segment, bridged_torque, saturated_text, seen_limits
-from flexviz.observers import ButterworthZeroPhase
+from flexviz.analysis.diagnosis.seen_limits import limit_findings
+from flexviz.analysis.estimation.whitening import whitener
+from flexviz.data.importing.checking import check_saturated
+from flexviz.data.measurements import MeasurementSet, Segment, bridged_torque, saturated_text, seen_limits
+from flexviz.model.effects import EFFECTS, EffectTarget
+from flexviz.model.effects.torque_limit import SHARES, beyond
+from flexviz.model.equation import build_signals
+from flexviz.model.observers import ButterworthZeroPhase
 from tests.planar_arm import planar_set
 from tests.test_effects import MOTION
 

@@ -10,13 +10,13 @@ import pytest
 
 from benchmarks.torque_sensors import sensed
 from flexviz import identify, read_set
-from flexviz.equation import Layout, behind_gear, layout_of
-from flexviz.errors import InputError
-from flexviz.exporting import export
-from flexviz.measurements import MeasurementSet
-from flexviz.results import ResultDocument
-from flexviz.simulation.presets import PRESETS
-from flexviz.simulation.sets import move, record, write_plan
+from flexviz.base.errors import InputError
+from flexviz.content.results import ResultDocument
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.equation import Layout, behind_gear, layout_of
+from flexviz.model.simulation.presets import PRESETS
+from flexviz.model.simulation.sets import move, record, write_plan
+from flexviz.outlets.exporting import export
 from tests.planar_arm import HELD_OUT, of_groups
 
 SAID = "joint torque sensors, behind the gears"

@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks.diagnosis_study.cases import selected
 from benchmarks.diagnosis_study.making import case_folder, make
-from flexviz.diagnosis import diagnose
-from flexviz.measurements import read_set
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.data.measurements import read_set
 
 
 @pytest.mark.slow

@@ -9,12 +9,10 @@ from dataclasses import replace
 
 import pytest
 
-from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet
-from flexviz.records import Combination, EffectParameter, ParameterEstimate
-from flexviz.results import ResultDocument
-from flexviz.view import parameters_html
-from flexviz.wording import (
+from flexviz.analysis.identification import Identification, identify
+from flexviz.content.records import Combination, EffectParameter, ParameterEstimate
+from flexviz.content.results import ResultDocument
+from flexviz.content.wording import (
     determined,
     estimate_cells,
     estimate_mark,
@@ -22,6 +20,8 @@ from flexviz.wording import (
     interval_words,
     value_text,
 )
+from flexviz.data.measurements import MeasurementSet
+from flexviz.outlets.view import parameters_html
 
 
 def stiffness(value: float, std: float, grade: str, above: float | None = None) -> ParameterEstimate:

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from flexviz import identify
-from flexviz.charts import Chart, ChartAxis
-from flexviz.cli import main
-from flexviz.diagnosis import maps_of
-from flexviz.effects import EFFECTS
-from flexviz.measurements import read_set
-from flexviz.recording.paths import TITLES, titled
-from flexviz.scene import RobotMotion
-from flexviz.session import Session, save_session
-from flexviz.units import joint_unit, sliding_note, unit_of_all
-from flexviz.view import joints_html
-from flexviz.wording import JointErrors
+from flexviz.analysis.diagnosis import maps_of
+from flexviz.base.units import joint_unit, sliding_note, unit_of_all
+from flexviz.content.charts import Chart, ChartAxis
+from flexviz.content.scene import RobotMotion
+from flexviz.content.session import Session, save_session
+from flexviz.content.wording import JointErrors
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.recording.paths import TITLES, titled
+from flexviz.outlets.terminal import main
+from flexviz.outlets.view import joints_html
 from tests.small_set import LINK
 from tests.test_import_prismatic import LIFT
 

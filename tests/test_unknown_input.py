@@ -10,23 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.course import Interrupted
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.residual_location import joint_maps
-from flexviz.diagnosis.residuals import SlowResidual
-from flexviz.diagnosis.unknown_input import UnknownInputFit, unknown_place
-from flexviz.diagnosis.vibration import vibration
-from flexviz.effects import ChosenEffect, JointState
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.estimation import SIDES, Side, UnknownInput
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.observers import FlatZeroPhase
-from flexviz.recording.texts import diagnosis_text
-from flexviz.robot import Robot
-from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
-from flexviz.view import verdict_html
-from flexviz.wording import verdict_text
+from flexviz.analysis.diagnosis import diagnose
+from flexviz.analysis.diagnosis.course import Interrupted
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.diagnosis.residual_location import joint_maps
+from flexviz.analysis.diagnosis.residuals import SlowResidual
+from flexviz.analysis.diagnosis.unknown_input import UnknownInputFit, unknown_place
+from flexviz.analysis.diagnosis.vibration import vibration
+from flexviz.analysis.estimation import SIDES, Side, UnknownInput
+from flexviz.content.wording import verdict_text
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import ChosenEffect, JointState
+from flexviz.model.equation import Equation, Layout, build_signals
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.model.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
+from flexviz.outlets.recording.texts import diagnosis_text
+from flexviz.outlets.view import verdict_html
+from flexviz.robot.robot import Robot
 from tests.cases import slow
 from tests.planar_arm import of_groups
 from tests.test_equation import made_up_set, point

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from flexviz.effects import forget_effects, load_effects
-from flexviz.errors import InputError
+from flexviz.base.errors import InputError
+from flexviz.model.effects import forget_effects, load_effects
 from tests.test_user_effects import GOOD, LAW, file_with, library
 
 __all__ = ["library"]

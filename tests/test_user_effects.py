@@ -13,19 +13,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.cli import main
-from flexviz.diagnosis.candidates import candidates
-from flexviz.effects import EFFECT_NAMES, EFFECTS, forget_effects, known_names, load_effects, loaded_files
-from flexviz.equation import Layout
-from flexviz.errors import InputError
-from flexviz.jobs import JobEvent, Task, Worker
-from flexviz.measurements import read_set
-from flexviz.model import EffectValue
-from flexviz.progress import ProgressCallback, StopCallback
-from flexviz.session import Session, open_session, save_session
-from flexviz.simulation import replay, simulate_preset, simulated_effects
-from flexviz.simulation.effect_laws import LAWS
-from flexviz.view.effects import addable_effects, more_effects
+from flexviz.analysis.diagnosis.candidates import candidates
+from flexviz.base.errors import InputError
+from flexviz.base.jobs import JobEvent, Task, Worker
+from flexviz.base.progress import ProgressCallback, StopCallback
+from flexviz.content.session import Session, open_session, save_session
+from flexviz.data.measurements import read_set
+from flexviz.model.effects import (
+    EFFECT_NAMES,
+    EFFECTS,
+    forget_effects,
+    known_names,
+    load_effects,
+    loaded_files,
+)
+from flexviz.model.equation import Layout
+from flexviz.model.simulation import replay, simulate_preset, simulated_effects
+from flexviz.model.simulation.effect_laws import LAWS
+from flexviz.outlets.terminal import main
+from flexviz.outlets.view.effects import addable_effects, more_effects
+from flexviz.robot.model import EffectValue
 from tests.planar_arm import HELD_OUT, planar_set
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,7 +41,7 @@ PAGE = ROOT / "docs" / "user-effects.md"
 NAMES = ("worm_gear_friction", "cubic_friction")
 GOOD = """\
 import numpy as np
-from flexviz.effects import LinearEffect, ParameterSpec
+from flexviz.model.effects import LinearEffect, ParameterSpec
 
 
 class Mine(LinearEffect):
@@ -162,7 +169,7 @@ class KnownNames(Task[tuple[str, ...]]):
     """The effects' names in the worker's process."""
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[str, ...]:
-        from flexviz.effects import known_names
+        from flexviz.model.effects import known_names
 
         return known_names()
 
@@ -226,7 +233,7 @@ def test_replay_with_and_without_a_simulation(hidden: Path, tmp_path: Path) -> N
     load_effects(EXAMPLE)
     load_effects(file_with(tmp_path, GOOD))
     measurements = read_set(hidden)
-    from flexviz.simulation import PRESETS
+    from flexviz.model.simulation import PRESETS
 
     model = PRESETS["planar-2r"]().model
     group = measurements.groups[0]

@@ -8,17 +8,17 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.fine import Fine
-from flexviz.diagnosis.fit_context import FitContext
-from flexviz.diagnosis.varying_size import ChangingSize, changing_size
-from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
-from flexviz.equation import Layout
-from flexviz.measurements import MeasurementSet
-from flexviz.recording.texts import diagnosis_text
-from flexviz.records import Note
-from flexviz.view import verdict_html
-from flexviz.wording import verdict_text
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.analysis.diagnosis.fine import Fine
+from flexviz.analysis.diagnosis.fit_context import FitContext
+from flexviz.analysis.diagnosis.varying_size import ChangingSize, changing_size
+from flexviz.content.records import Note
+from flexviz.content.wording import verdict_text
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import EFFECTS, ChosenEffect, ParameterSpec
+from flexviz.model.equation import Layout
+from flexviz.outlets.recording.texts import diagnosis_text
+from flexviz.outlets.view import verdict_html
 
 FRICTION = ChosenEffect("coulomb_friction", 1)
 FRICTION_NAMED = ("coulomb_friction", "joint2", None, None)

@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app.uplot import columns
-from flexviz.diagnosis import DIRECTED, Diagnosis, Evidence, Finding, PredictionErrors, Step
-from flexviz.diagnosis.residuals import UNITS
-from flexviz.effects import EFFECTS
-from flexviz.records import (
+from flexviz.analysis.diagnosis import DIRECTED, Diagnosis, Evidence, Finding, PredictionErrors, Step
+from flexviz.analysis.diagnosis.residuals import UNITS
+from flexviz.content.records import (
     Absorbed,
     EffectParameter,
     FreeCurve,
@@ -25,12 +23,22 @@ from flexviz.records import (
     ResidualMap,
     Tie,
 )
-from flexviz.results import evidence_chart
-from flexviz.session import Analysis, ModelStep
-from flexviz.view.effects import card_html, finding_html, heading_html, picture, trace_html, verdict_html
-from flexviz.view.free_curves import free_chart, free_html
-from flexviz.view.residual_time import BeforeAfter, time_residual
-from flexviz.view.residuals import (
+from flexviz.content.results import evidence_chart
+from flexviz.content.session import Analysis, ModelStep
+from flexviz.content.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.app.uplot import columns
+from flexviz.outlets.view.effects import (
+    card_html,
+    finding_html,
+    heading_html,
+    picture,
+    trace_html,
+    verdict_html,
+)
+from flexviz.outlets.view.free_curves import free_chart, free_html
+from flexviz.outlets.view.residual_time import BeforeAfter, time_residual
+from flexviz.outlets.view.residuals import (
     MAP_COLUMNS,
     ResidualSamples,
     map_charts,
@@ -39,9 +47,8 @@ from flexviz.view.residuals import (
     range_html,
     stretches_of,
 )
-from flexviz.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
-from flexviz.view.status import next_step, steps_done
-from flexviz.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
+from flexviz.outlets.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
+from flexviz.outlets.view.status import next_step, steps_done
 from tests.found import TIED, TIED_DIAGNOSIS
 
 JOINTS = ("joint1", "joint2")

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.charts import palette as colours
-from flexviz.measurements import read_set
-from flexviz.results import LinkSide
-from flexviz.scene import RobotMotion
-from flexviz.session import Analysis
-from flexviz.view import (
+from flexviz.content.charts import palette as colours
+from flexviz.content.results import LinkSide
+from flexviz.content.scene import RobotMotion
+from flexviz.content.session import Analysis
+from flexviz.content.wording import number, plain_name, short_names
+from flexviz.content.wording.numbers import with_error
+from flexviz.data.measurements import read_set
+from flexviz.outlets.view import (
     joint_effects,
     joints_html,
     joints_with,
@@ -25,9 +27,7 @@ from flexviz.view import (
     status,
     with_joints,
 )
-from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
-from flexviz.wording import number, plain_name, short_names
-from flexviz.wording.numbers import with_error
+from flexviz.outlets.view.tables import parameters_html, set_html, truth_html, truth_values
 from tests.small_set import write_small_set
 
 

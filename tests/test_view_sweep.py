@@ -7,11 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.app.uplot import columns
-from flexviz.effects import EFFECTS
-from flexviz.identification import SweepResult
-from flexviz.view.effects import COMMON_EFFECTS, addable_effects, effects_note, more_effects, why_fixed
-from flexviz.view.fit_charts import (
+from flexviz.analysis.identification import SweepResult
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.app.uplot import columns
+from flexviz.outlets.view.effects import (
+    COMMON_EFFECTS,
+    addable_effects,
+    effects_note,
+    more_effects,
+    why_fixed,
+)
+from flexviz.outlets.view.fit_charts import (
     MIN_STIFFNESS_SPAN,
     SWEEP_COUNT,
     rounded,

@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FINDS_ITS_DATA = """
 from pathlib import Path
 import flexviz
-from flexviz.resources import robots_dir, sessions_dir
-from flexviz.robot import Robot
+from flexviz.base.resources import robots_dir, sessions_dir
+from flexviz.robot.robot import Robot
 home = Path(flexviz.__file__).resolve().parent
 assert home.is_relative_to(Path({site!r})), home
 assert robots_dir() == home / "_data" / "robots", robots_dir()

@@ -10,20 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz._scipy import sp
-from flexviz.diagnosis.cross_validation import explained, explained_in_time, make_folds, mean_and_error
-from flexviz.diagnosis.curves import fit_free_curve
-from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.residual_location import locate_residual, periodogram
-from flexviz.diagnosis.residuals import UNITS, chi_square, joint_residuals
-from flexviz.effects import choose_effects
-from flexviz.equation import Layout
-from flexviz.estimation import noise_density
-from flexviz.estimation.two_band import residual_noise
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.observers import ButterworthZeroPhase
-from flexviz.records.curves import FREE_CURVE_NOTE
+from flexviz.analysis.diagnosis.cross_validation import (
+    explained,
+    explained_in_time,
+    make_folds,
+    mean_and_error,
+)
+from flexviz.analysis.diagnosis.curves import fit_free_curve
+from flexviz.analysis.diagnosis.fit_context import Fit, FitContext
+from flexviz.analysis.diagnosis.residual_location import locate_residual, periodogram
+from flexviz.analysis.diagnosis.residuals import UNITS, chi_square, joint_residuals
+from flexviz.analysis.estimation import noise_density
+from flexviz.analysis.estimation.two_band import residual_noise
+from flexviz.analysis.identification import identify
+from flexviz.base._scipy import sp
+from flexviz.content.records.curves import FREE_CURVE_NOTE
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import choose_effects
+from flexviz.model.equation import Layout
+from flexviz.model.observers import ButterworthZeroPhase
 from tests.cases import slow
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"

@@ -29,7 +29,7 @@ for found in pkgutil.walk_packages(flexviz.__path__, "flexviz."):
 WORK = """
 import flexviz
 from pathlib import Path
-from flexviz.jobs import LoadModules, Worker
+from flexviz.base.jobs import LoadModules, Worker
 from queue import SimpleQueue
 flexviz.export  # what is loaded when it is first used
 measurements = flexviz.read_set("demo")
@@ -41,7 +41,7 @@ session = flexviz.Session.open("demo")
 session.save(folder / "session")
 session.save(folder / "session")  # locked while it is renewed
 told, worker = SimpleQueue(), Worker()
-worker.submit(LoadModules(("flexviz.urdf_checks",)), told.put)
+worker.submit(LoadModules(("flexviz.robot.urdf_checks",)), told.put)
 print(told.get(timeout=60).kind, result.converged, found.stopped)
 worker.close()
 """

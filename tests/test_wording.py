@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from flexviz.diagnosis import Step
-from flexviz.effects import EFFECT_FAMILIES, EFFECTS
-from flexviz.records import Absorbed, Decoys, DetectionLimit, EffectParameter, LimitReason, Move, Note
-from flexviz.results import ResultDocument, parts
-from flexviz.wording import (
+from flexviz.analysis.diagnosis import Step
+from flexviz.content.records import Absorbed, Decoys, DetectionLimit, EffectParameter, LimitReason, Move, Note
+from flexviz.content.results import ResultDocument, parts
+from flexviz.content.wording import (
     FAMILY_TITLES,
     PERCENT,
     JointErrors,
@@ -36,7 +35,8 @@ from flexviz.wording import (
     told_moves,
     verdict_text,
 )
-from flexviz.wording.verdicts import STOPPED
+from flexviz.content.wording.verdicts import STOPPED
+from flexviz.model.effects import EFFECT_FAMILIES, EFFECTS
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS, TRACE
 
 FIRST = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(7.0, 0.02, "Nm")}, score=0.5)

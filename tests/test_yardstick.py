@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from flexviz.arrays import Array
-from flexviz.diagnosis import Diagnosis, prediction_errors
-from flexviz.equation import Layout, layout_of
-from flexviz.estimation import ErrorBand, torque_scale
-from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet
-from flexviz.results import staircase_chart
-from flexviz.wording import JointErrors, stated_errors
+from flexviz.analysis.diagnosis import Diagnosis, prediction_errors
+from flexviz.analysis.estimation import ErrorBand, torque_scale
+from flexviz.analysis.identification import Identification, identify
+from flexviz.base.arrays import Array
+from flexviz.content.results import staircase_chart
+from flexviz.content.wording import JointErrors, stated_errors
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.equation import Layout, layout_of
 
 
 @dataclass(frozen=True, eq=False)

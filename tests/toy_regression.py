@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.criterion import Score, criterion_of
-from flexviz.motion import Residuals
+from flexviz.analysis.diagnosis.criterion import Score, criterion_of
+from flexviz.analysis.motion import Residuals
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

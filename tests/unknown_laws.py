@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.diagnosis.unknown_input import UnknownPlace
-from flexviz.effects import JointState
-from flexviz.equation import Layout
-from flexviz.estimation import UnknownInput
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
+from flexviz.analysis.diagnosis.unknown_input import UnknownPlace
+from flexviz.analysis.estimation import UnknownInput
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import JointState
+from flexviz.model.equation import Layout
+from flexviz.model.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from tests.planar_arm import HELD_OUT, of_groups
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.design_study import spread, ties
-from flexviz.charts import Chart, ChartAxis, ChartSeries, draw_svg
-from flexviz.charts.chart import DASHED, SOLID
+from flexviz.content.charts import Chart, ChartAxis, ChartSeries, draw_svg
+from flexviz.content.charts.chart import DASHED, SOLID
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "benchmarks" / "results" / "designing.md"

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flexviz.designing import Design
-from flexviz.measurements import Group, MeasurementSet, Segment
-from flexviz.simulation import Plan, PlannedGroup, Run, move, record
+from flexviz.analysis.designing import Design
+from flexviz.data.measurements import Group, MeasurementSet, Segment
+from flexviz.model.simulation import Plan, PlannedGroup, Run, move, record
 
 
 def in_memory(plan: Plan, runs: dict[str, Run]) -> MeasurementSet:

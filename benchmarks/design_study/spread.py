@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from benchmarks.design_study.sets import designed_groups, noisy_sets, without_validation
 from benchmarks.tables import markdown
-from flexviz.designing import Design, DesignSettings, design, predict_errors
-from flexviz.identification import identify
-from flexviz.simulation import Plan, make_plan, move
+from flexviz.analysis.designing import Design, DesignSettings, design, predict_errors
+from flexviz.analysis.identification import identify
+from flexviz.model.simulation import Plan, make_plan, move
 
 Array = NDArray[np.float64]
 NAMES = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")

@@ -15,14 +15,14 @@ import numpy as np
 
 from benchmarks.design_study.sets import designed_groups, in_memory
 from benchmarks.tables import markdown
-from flexviz.designing import DesignSettings, design
-from flexviz.designing.criterion import BestSeparation
-from flexviz.designing.information import Columns
-from flexviz.designing.subject import Planned, subject_of
-from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.effects import EFFECTS
-from flexviz.model import EffectValue
-from flexviz.simulation import Plan, PlannedGroup, inject, make_plan, move, random_fourier, record
+from flexviz.analysis.designing import DesignSettings, design
+from flexviz.analysis.designing.criterion import BestSeparation
+from flexviz.analysis.designing.information import Columns
+from flexviz.analysis.designing.subject import Planned, subject_of
+from flexviz.analysis.diagnosis import Diagnosis, diagnose
+from flexviz.model.effects import EFFECTS
+from flexviz.model.simulation import Plan, PlannedGroup, inject, make_plan, move, random_fourier, record
+from flexviz.robot.model import EffectValue
 
 DURATION = 10.0  # [s]
 SETTINGS = DesignSettings(groups=1, evaluations=144, passes=1)

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.robots import ROBOTS
 from benchmarks.diagnosis_study.sizes import SIZES
-from flexviz.effects import EFFECTS
+from flexviz.model.effects import EFFECTS
 
 NOISES = (0.5, 1.0, 3.0)
 NUMBERS: dict[tuple[str, str], int] = {  # (kind, robot): how many

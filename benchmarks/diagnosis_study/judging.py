@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from benchmarks.diagnosis_study.cases import TWINS
 from benchmarks.diagnosis_study.making import UNSCORED
 from benchmarks.running import Json
-from flexviz.effects import EFFECTS, free_curve
-from flexviz.statistics import NORMAL_95
+from flexviz.base.statistics import NORMAL_95
+from flexviz.model.effects import EFFECTS, free_curve
 
 MUST = 0.03  # share from which on one of many effects must be found
 JOINTLESS = {name for name, effect in EFFECTS.items() if effect.scope in ("set", "payload")}

@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from flexviz.effects import JointState
-from flexviz.simulation import ExtraLaw, MotionScale, Plan, Pull
+from flexviz.model.effects import JointState
+from flexviz.model.simulation import ExtraLaw, MotionScale, Plan, Pull
 
 WIDTH = 0.005  # [rad/s] of the sign of velocity, as everywhere in the simulator
 LARGE = (0.05, 1.0)  # sizes in rms torques of the joint, or the like

@@ -14,10 +14,10 @@ from benchmarks.diagnosis_study.laws import EXTRA_LAWS, place
 from benchmarks.diagnosis_study.robots import random_plan
 from benchmarks.diagnosis_study.sizes import SIZES, draw, natural
 from benchmarks.running import Json, as_done, case_folder, is_made, truth_file, workers, write
-from flexviz.effects import EFFECTS
-from flexviz.measurements import GroupTable, write_set
-from flexviz.model import EffectValue
-from flexviz.simulation import MotionScale, Plan, Run, motion_scale, move, record
+from flexviz.data.measurements import GroupTable, write_set
+from flexviz.model.effects import EFFECTS
+from flexviz.model.simulation import MotionScale, Plan, Run, motion_scale, move, record
+from flexviz.robot.model import EffectValue
 
 UNSCORED = {"phase", "rest_angle", "tilt_x"}  # ambiguous, or relative to nothing
 

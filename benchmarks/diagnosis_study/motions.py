@@ -8,9 +8,9 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._pinocchio import pin
-from flexviz.robot import Robot
-from flexviz.simulation import Plan, Reference, random_fourier
+from flexviz.model.simulation import Plan, Reference, random_fourier
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.robot import Robot
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from dataclasses import asdict
 import numpy as np
 
 from benchmarks.running import Json
-from flexviz.diagnosis import Fit, FitContext
-from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import INERTIAL_NAMES, Equation, Layout, build_signals
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.observers import FlatZeroPhase
+from flexviz.analysis.diagnosis import Fit, FitContext
+from flexviz.analysis.identification import identify
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.effects import EFFECTS, ChosenEffect, choose_effects
+from flexviz.model.equation import INERTIAL_NAMES, Equation, Layout, build_signals
+from flexviz.model.observers import FlatZeroPhase
+from flexviz.robot.model import EffectValue, FlexibleModel
 
 QUICK, LONG = 12, 30  # iterations of a fit: at first, and where the gain may be about the limit
 CLEAR = 3000.0  # a gain beyond which nobody asks for the last bit

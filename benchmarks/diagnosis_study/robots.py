@@ -11,10 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.diagnosis_study.motions import random_motion, workload
-from flexviz._pinocchio import pin
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import PayloadBody, Robot, load_settings
-from flexviz.simulation import (
+from flexviz.model.simulation import (
     PDController,
     Plan,
     PlannedGroup,
@@ -24,6 +21,9 @@ from flexviz.simulation import (
     perturbed,
     random_fourier,
 )
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import EffectValue, FlexibleModel
+from flexviz.robot.robot import PayloadBody, Robot, load_settings
 
 Array = NDArray[np.float64]
 Payloads = dict[str, tuple[PayloadBody, ...]]

@@ -45,7 +45,7 @@ def run_all(work: Path, names: list[str], jobs: int, label: str, scheduler: str 
         for _ in as_done(workers(jobs), run_one, {n: (work, n, label) for n in missing}):
             pass
         return
-    from flexviz.batch import ClusterChoice, spread
+    from flexviz.outlets.batch import ClusterChoice, spread
 
     texts = ((name, json.dumps([str(work.resolve()), name, label])) for name in missing)
     answers = spread(run_text, texts, ClusterChoice(scheduler=scheduler), note=say)
@@ -67,7 +67,7 @@ def run_one(work: Path, name: str, label: str) -> str:
     from threadpoolctl import threadpool_limits
 
     from benchmarks.diagnosis_study.oracle import errors, final_model
-    from flexviz.measurements import read_set
+    from flexviz.data.measurements import read_set
 
     out, known = result_file(work / label, name), known_file(work, name)
     with threadpool_limits(1):
@@ -89,7 +89,7 @@ def run_one(work: Path, name: str, label: str) -> str:
 def _known(work: Path, name: str) -> Json:
     """The fit that knows the truth; the truth file learns whether its case can be decided."""
     from benchmarks.diagnosis_study.oracle import know
-    from flexviz.measurements import read_set
+    from flexviz.data.measurements import read_set
 
     path = truth_file(work, name)
     truth = read(path)
@@ -103,7 +103,7 @@ def _known(work: Path, name: str) -> Json:
 
 def _twin(name: str, truth: Json) -> Any:
     """The case without its law, where that is one that the library does not have; else None."""
-    from flexviz.measurements import read_set
+    from flexviz.data.measurements import read_set
 
     if truth["kind"] != "unknown":
         return None

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.effects import EFFECTS
-from flexviz.model import EffectValue
-from flexviz.simulation import MotionScale, Plan, default_parameters, motion_scale
+from flexviz.model.effects import EFFECTS
+from flexviz.model.simulation import MotionScale, Plan, default_parameters, motion_scale
+from flexviz.robot.model import EffectValue
 
 AROUND = (0.4, 3.0)  # cases around the detection limit, in detection limits
 LONGEST_DELAY = 1.05  # [rad] phase that it may cost the controller at the speed loop's bandwidth k_d / B

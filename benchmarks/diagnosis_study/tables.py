@@ -15,7 +15,7 @@ from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.sizes import SIZES
 from benchmarks.running import Json
 from benchmarks.tables import NONE, Table, percent, quantile, share
-from flexviz.effects import EFFECTS
+from flexviz.model.effects import EFFECTS
 
 PLANAR, ARMS = ("2r",), ("panda", "ur5")
 DECIDABLE = 300.0  # χ² that a fit that is given the hidden effects gains at least

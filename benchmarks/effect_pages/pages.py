@@ -6,12 +6,21 @@ import textwrap
 from pathlib import Path
 
 from benchmarks.effect_pages.pictures import caption, draw
-from flexviz.effects import EFFECTS, SIGN_VELOCITY, Effect
-from flexviz.wording import SCOPES, bounds_text, enters_text, parameter_text, relation_text, simulated_text
+from flexviz.content.wording import (
+    SCOPES,
+    bounds_text,
+    enters_text,
+    parameter_text,
+    relation_text,
+    simulated_text,
+)
+from flexviz.model.effects import EFFECTS, SIGN_VELOCITY, Effect
 
 FOLDER = Path(__file__).resolve().parent.parent.parent / "docs" / "effects"
 LAWS = FOLDER.parent / "images" / "laws"  # by `python -m benchmarks.law_page`
-NOTE = "<!-- made from the classes in flexviz/effects by `python -m benchmarks.effect_pages --write` -->"
+NOTE = (
+    "<!-- made from the classes in flexviz/model/effects by `python -m benchmarks.effect_pages --write` -->"
+)
 WIDTH = 110
 INDEX = f"""\
 What a joint may have apart from stiffness K, motor inertia B and viscous friction on both sides (f_mv, f_lv).

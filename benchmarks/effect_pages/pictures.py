@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexviz.charts import COLOURS, DASHES, FILE, Chart, ChartAxis, ChartSeries, draw_svg
-from flexviz.effects import EFFECTS, Effect, EffectTarget
-from flexviz.effects.trial import Array, TrialMotion, TrialSignal
+from flexviz.content.charts import COLOURS, DASHES, FILE, Chart, ChartAxis, ChartSeries, draw_svg
+from flexviz.model.effects import EFFECTS, Effect, EffectTarget
+from flexviz.model.effects.trial import Array, TrialMotion, TrialSignal
 
 PLACE = EffectTarget(joint=0, group="g1", payload="p1")
 LINE_COLOURS = (COLOURS.measured, COLOURS.playhead, COLOURS.residual)  # seen on light and dark pages

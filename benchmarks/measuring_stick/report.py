@@ -18,7 +18,7 @@ from benchmarks.measuring_stick.sets import CLASSES, MANY, StickSet
 from benchmarks.real import held_out_share
 from benchmarks.running import Json, read, result_file, write
 from benchmarks.tables import NONE, Table
-from flexviz.measurements import read_set
+from flexviz.data.measurements import read_set
 
 
 def report(work: Path, sets: Sequence[StickSet], names: Sequence[str]) -> str:

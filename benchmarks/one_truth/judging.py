@@ -14,8 +14,8 @@ from benchmarks.diagnosis_study.oracle import final_model
 from benchmarks.measuring_stick.sets import StickSet
 from benchmarks.one_truth.answers import FOUND, GUESSES, SAME, added_effects, answer_file
 from benchmarks.running import Json, read, write
-from flexviz.diagnosis import prediction_errors
-from flexviz.measurements import read_set
+from flexviz.analysis.diagnosis import prediction_errors
+from flexviz.data.measurements import read_set
 
 WORSE, LONGEST_CPU = 1.02, 60.0  # held-out error over that of the best guess; [s] of a recorded robot
 ALIKE, SAME_VALUE = 0.02, 0.2  # two fits of one model: errors, and values in standard errors

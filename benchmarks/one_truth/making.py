@@ -20,10 +20,10 @@ from benchmarks.diagnosis_study.making import base_truth, write_runs
 from benchmarks.diagnosis_study.robots import random_plan
 from benchmarks.diagnosis_study.sizes import SIZES
 from benchmarks.running import Json, case_folder, truth_file, write
-from flexviz import simulation
-from flexviz.effects import EFFECTS
-from flexviz.measurements import FILE_NAME, GroupTable, read_set, write_set
-from flexviz.model import EffectValue
+from flexviz.data.measurements import FILE_NAME, GroupTable, read_set, write_set
+from flexviz.model import simulation
+from flexviz.model.effects import EFFECTS
+from flexviz.robot.model import EffectValue
 
 DURATION = 8.0  # [s] of every group
 SIZE = (0.7, 1.5)  # of an effect of `Planned.size` 1, in what is clearly visible on its joint

@@ -23,10 +23,10 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexviz._pinocchio import pin
-from flexviz.model import FlexibleModel
-from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import Run
+from flexviz.model.simulation import Run
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import FlexibleModel
+from flexviz.robot.robot import PayloadBody, Robot
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.paper_study.simulated import study
 from benchmarks.paper_study.truth import CLASSES, Row, compare
-from flexviz.identification import Identification, identify
+from flexviz.analysis.identification import Identification, identify
 
 SMALL = 0.5  # errors of parameters smaller than this are judged against it: 2 % of it is the paper's 0.01
 TIGHT, GOOD, BAD = 0.01, 0.01, 0.3  # for judging the marks

@@ -11,9 +11,9 @@ from benchmarks.paper_study.bound import covariance_bound, information, linearis
 from benchmarks.paper_study.methods import REFINED
 from benchmarks.paper_study.simulated import Study, pool, simulate_all, study
 from benchmarks.paper_study.truth import Row, compare
-from flexviz.estimation.base_inertials import base_parameters
-from flexviz.identification import identify
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.estimation.base_inertials import base_parameters
+from flexviz.analysis.identification import identify
+from flexviz.base.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
 

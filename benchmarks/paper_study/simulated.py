@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.design_study.sets import in_memory
-from flexviz.measurements import MeasurementSet
-from flexviz.robot import PayloadBody
-from flexviz.simulation import Plan, Run, make_plan
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.simulation import Plan, Run, make_plan
+from flexviz.robot.robot import PayloadBody
 
 Array = NDArray[np.float64]
 

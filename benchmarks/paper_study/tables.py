@@ -8,7 +8,7 @@ from benchmarks.paper_study.methods import CAUSAL, EQUAL_50, PAPER, REFINED, ZER
 from benchmarks.paper_study.seeds import Statistics
 from benchmarks.paper_study.truth import CLASSES, Row
 from benchmarks.tables import Table
-from flexviz.statistics import NORMAL_95
+from flexviz.base.statistics import NORMAL_95
 
 COMPACT_HEAD = [
     "method",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexviz.identification import Identification
-from flexviz.model import FlexibleModel
-from flexviz.simulation.sets import true_parameters
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.identification import Identification
+from flexviz.base.statistics import NORMAL_95
+from flexviz.model.simulation.sets import true_parameters
+from flexviz.robot.model import FlexibleModel
 
 # class of parameter → names in the result
 CLASSES = {

@@ -18,7 +18,7 @@ from benchmarks.peers import document, prepare, tables
 from benchmarks.peers.judging import errors, held_out
 from benchmarks.peers.running import METHODS, NOTHING, THIS, Method, run
 from benchmarks.peers.sets import CASES, Case, folder_of, truth_of
-from flexviz.measurements import read_set
+from flexviz.data.measurements import read_set
 
 LIMIT = 240.0  # [s] of processor time for one method on one set
 

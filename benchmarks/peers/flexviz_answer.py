@@ -9,9 +9,9 @@ from typing import Any
 
 from benchmarks.peers.problem import Problem
 from flexviz import diagnose, identify, read_set
-from flexviz.diagnosis import Diagnosis
-from flexviz.equation import OperatingPoint
-from flexviz.identification import Identification
+from flexviz.analysis.diagnosis import Diagnosis
+from flexviz.analysis.identification import Identification
+from flexviz.model.equation import OperatingPoint
 
 
 class Count:

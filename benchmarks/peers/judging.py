@@ -9,12 +9,12 @@ import numpy as np
 
 from benchmarks.peers.problem import COULOMB
 from benchmarks.real import held_out_share
-from flexviz.equation import INERTIAL_NAMES, LinkDynamics
-from flexviz.estimation.base_inertials import base_parameters
-from flexviz.measurements import MeasurementSet
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.robot import Robot
-from flexviz.statistics import NORMAL_95
+from flexviz.analysis.estimation.base_inertials import base_parameters
+from flexviz.base.statistics import NORMAL_95
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.equation import INERTIAL_NAMES, LinkDynamics
+from flexviz.robot.model import EffectValue, FlexibleModel
+from flexviz.robot.robot import Robot
 
 RIGID = 1e12  # [Nm/rad] stiffness of a rigid model, in the equation that judges it
 FLOOR = 0.1  # errors are relative to the truth, or to this share of the largest of its kind if that is more

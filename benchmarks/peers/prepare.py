@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from benchmarks.peers.problem import FILE
-from flexviz._pinocchio import pin
-from flexviz.measurements import MeasurementSet
+from flexviz.data.measurements import MeasurementSet
+from flexviz.robot._pinocchio import pin
 
 
 def moving_urdf(urdf: str, joints: Sequence[str]) -> str:

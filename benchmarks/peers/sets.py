@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peers.problem import COULOMB, OFFSET
-from flexviz.model import FlexibleModel
-from flexviz.simulation import make_plan, simulate_preset
+from flexviz.model.simulation import make_plan, simulate_preset
+from flexviz.robot.model import FlexibleModel
 
 
 @dataclass(frozen=True)

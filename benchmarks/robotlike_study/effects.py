@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.diagnosis_study.laws import OFTEN, Place
 from benchmarks.diagnosis_study.motions import Workload
-from flexviz.model import EffectValue
-from flexviz.simulation import ExtraLaw, Plan
+from flexviz.model.simulation import ExtraLaw, Plan
+from flexviz.robot.model import EffectValue
 
 NUMBERS = {"2r": (3, 10), "ur5": (7, 15), "panda": (8, 15)}
 """Robot → smallest and largest number of effects of the library, Coulomb friction included."""

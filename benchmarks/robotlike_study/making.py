@@ -15,7 +15,7 @@ from benchmarks.robotlike_study.cases import RobotCase
 from benchmarks.robotlike_study.effects import draw_also, draw_effects, draw_laws
 from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
 from benchmarks.running import Json, case_folder, truth_file, write
-from flexviz.simulation import Plan, Run, fastest, make_plant, move, record
+from flexviz.model.simulation import Plan, Run, fastest, make_plant, move, record
 
 Logging = Callable[[Run], Run]
 

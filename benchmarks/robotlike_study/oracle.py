@@ -18,13 +18,13 @@ import numpy as np
 from benchmarks.diagnosis_study.judging import UNKNOWN
 from benchmarks.diagnosis_study.oracle import chosen, errors, with_hidden
 from benchmarks.running import Json, case_folder, made_cases, read, truth_file
-from flexviz.diagnosis import FitContext, diagnose
-from flexviz.effects import choose_effects, free_curve
-from flexviz.equation import Layout
-from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.model import EffectValue, FlexibleModel
-from flexviz.motion import MotionContext
+from flexviz.analysis.diagnosis import FitContext, diagnose
+from flexviz.analysis.identification import identify
+from flexviz.analysis.motion import MotionContext
+from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.model.effects import choose_effects, free_curve
+from flexviz.model.equation import Layout
+from flexviz.robot.model import EffectValue, FlexibleModel
 
 ITERATIONS = 40
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._pinocchio import pin
-from flexviz.effects import JointState
-from flexviz.model import EffectValue
-from flexviz.robot import PayloadBody
-from flexviz.simulation import ExtraLaw, Plan, PlannedGroup, Run, make_plant
+from flexviz.model.effects import JointState
+from flexviz.model.simulation import ExtraLaw, Plan, PlannedGroup, Run, make_plant
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.model import EffectValue
+from flexviz.robot.robot import PayloadBody
 
 Array = NDArray[np.float64]
 

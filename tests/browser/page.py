@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app import DEMO
-from flexviz.resources import sessions_dir
+from flexviz.base.resources import sessions_dir
+from flexviz.outlets.app import DEMO
 
 FLAGS = [
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",

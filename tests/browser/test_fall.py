@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app import DEMO
-from flexviz.measurements import read_set
-from flexviz.resources import sessions_dir
+from flexviz.base.resources import sessions_dir
+from flexviz.data.measurements import read_set
+from flexviz.outlets.app import DEMO
 from tests.browser.page import SOON, button, chart, picture, status, tab, until, well_laid_out, within
 
 pytestmark = pytest.mark.browser

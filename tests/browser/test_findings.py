@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from flexviz.app import DEMO
-from flexviz.diagnosis import Diagnosis, prediction_errors
-from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.resources import sessions_dir
-from flexviz.session import Session, save_session
+from flexviz.analysis.diagnosis import Diagnosis, prediction_errors
+from flexviz.analysis.identification import identify
+from flexviz.base.resources import sessions_dir
+from flexviz.content.session import Session, save_session
+from flexviz.data.measurements import read_set
+from flexviz.outlets.app import DEMO
 from tests.browser.page import (
     SOON,
     button,

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from flexviz.batch.batch import MARKER
-from flexviz.batch.table import TABLE, write_table
+from flexviz.outlets.batch.batch import MARKER
+from flexviz.outlets.batch.table import TABLE, write_table
 from tests.browser.page import SOON, chart, pause, row, status, tab, until, well_laid_out
 from tests.small_set import write_small_set
 from tests.test_batch_fleet import fleet

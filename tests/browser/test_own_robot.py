@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from own_robot_files import CONSTANTS, GEARS, Stranger, write_files
 
-from flexviz.app.page_script import SCREEN_LABEL
-from flexviz.importing import read_mapping
+from flexviz.data.importing import read_mapping
+from flexviz.outlets.app.page_script import SCREEN_LABEL
 from tests.browser.page import SOON, button, choose, press, row, status, tab, until, well_laid_out, within
 
 pytestmark = pytest.mark.browser

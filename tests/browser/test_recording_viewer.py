@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.charts import COLOURS, rgb
-from flexviz.identification import identify
-from flexviz.measurements import GroupTable, read_set, write_set
-from flexviz.recording import LiveRecording, record_set
-from flexviz.recording.viewers import web_viewer
-from flexviz.resources import sessions_dir
-from flexviz.robot import Robot
-from flexviz.simulation import Run
+from flexviz.analysis.identification import identify
+from flexviz.base.resources import sessions_dir
+from flexviz.content.charts import COLOURS, rgb
+from flexviz.data.measurements import GroupTable, read_set, write_set
+from flexviz.model.simulation import Run
+from flexviz.outlets.recording import LiveRecording, record_set
+from flexviz.outlets.recording.viewers import web_viewer
+from flexviz.robot.robot import Robot
 
 pytestmark = pytest.mark.browser
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.charts import COLOURS, rgb
-from flexviz.report import diagnosed_session, session_animation, session_report
+from flexviz.content.charts import COLOURS, rgb
+from flexviz.outlets.report import diagnosed_session, session_animation, session_report
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS
 from tests.small_session import small_session
 
@@ -95,9 +95,9 @@ def test_it_prints_on_a4_with_nothing_cut(chromium: Any, page_file: Path) -> Non
 @pytest.fixture(scope="module")
 def diagnosed() -> Any:
     """The bundled set and its session after a diagnosis that added what it found."""
-    from flexviz.diagnosis import diagnose
-    from flexviz.measurements import read_set
-    from flexviz.resources import sessions_dir
+    from flexviz.analysis.diagnosis import diagnose
+    from flexviz.base.resources import sessions_dir
+    from flexviz.data.measurements import read_set
 
     measurements = read_set(sessions_dir() / "planar-2r-demo")
     return measurements, diagnosed_session(measurements, diagnose(measurements, apply=True))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from flexviz.simulation.sets import make_plan, simulate_plan, write_plan
+from flexviz.model.simulation.sets import make_plan, simulate_plan, write_plan
 from tests.browser.page import (
     MIDDLES,
     SOON,

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app import DEMO
-from flexviz.resources import sessions_dir
+from flexviz.base.resources import sessions_dir
+from flexviz.outlets.app import DEMO
 from tests.browser.page import (
     EXAMPLE_SET,
     SOON,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from flexviz.app import viser_private
+from flexviz.outlets.app import viser_private
 from tests.browser.page import SOON, until
 
 pytestmark = pytest.mark.browser

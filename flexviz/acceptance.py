@@ -1,0 +1,3 @@
+"""Judging results against limits. See `flexviz.analysis.acceptance`."""
+
+from flexviz.analysis.acceptance import *

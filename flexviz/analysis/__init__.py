@@ -1,0 +1,1 @@
+"""What is computed from a measurement set: estimation, identification, diagnosis, design, acceptance."""

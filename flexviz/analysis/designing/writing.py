@@ -1,0 +1,174 @@
+"""A design as lines of text and as files: references as CSV and ROS 2 JointTrajectory, errors as JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexviz.analysis.designing.run import Design
+from flexviz.analysis.designing.subject import Planned
+from flexviz.base.arrays import Array
+from flexviz.base.files import as_json, named_errors, whole_folder
+from flexviz.content.results import interval
+from flexviz.content.wording import effect_text_name, plural, unit_text
+from flexviz.data.measurements import check_free
+from flexviz.model.equation import INERTIAL_NAMES
+from flexviz.model.simulation import Fourier
+
+CSV_STEP = 0.001  # [s]
+TRAJECTORY_STEP = 0.02  # [s] between the points that a trajectory controller interpolates
+DIGITS = 9
+MOST_LIMITS = 3  # per group
+FROM_PRIOR = 0.5  # share of a variance from the prior, above which the motion does not show a parameter
+KEPT = (
+    "subject", "joints", "criterion", "unit", "value", "separates", "gains", "recorded_gains", "beside",
+    "seed", "evaluations", "seconds", "stopped",
+)  # fmt: skip
+
+
+def design_files(design: Design) -> dict[str, str]:
+    """File name → content: per group a CSV and a YAML file, and `design.json` and `summary.txt`."""
+    files = {}
+    for group in design.groups:
+        files[f"{group.planned.name}.csv"] = reference_csv(group.planned, design.joints)
+        files[f"{group.planned.name}.yaml"] = trajectory_yaml(group.planned, design.joints)
+    files["design.json"] = as_json(design_document(design))
+    files["summary.txt"] = "\n".join(summary_lines(design)) + "\n"
+    return files
+
+
+def write_design(design: Design, folder: str | Path) -> Path:
+    """Write the files of a design to a new folder: all of them or none.
+
+    Raises:
+        InputError: the folder is not empty, or cannot be written.
+    """
+    path = Path(folder)
+    check_free(path)
+    with named_errors(path), whole_folder(path.absolute()) as new:
+        for name, content in design_files(design).items():
+            (new / name).write_text(content, encoding="utf-8")
+    return path
+
+
+def reference_levels(planned: Planned, step: float) -> tuple[Array, Array, Array, Array]:
+    """Time (N,) [s], position, velocity and acceleration (N, n) of a reference."""
+    count = int(np.ceil(planned.duration / step - 1e-9))
+    time = np.append(np.arange(count) * step, planned.duration)
+    position, velocity = planned.reference.sample(time)
+    near = 1e-5
+    after, before = (
+        planned.reference.sample(np.clip(time + d, 0.0, planned.duration)) for d in (near, -near)
+    )
+    gap = np.clip(time + near, 0.0, planned.duration) - np.clip(time - near, 0.0, planned.duration)
+    return time, position, velocity, (after[1] - before[1]) / gap[:, None]
+
+
+def reference_csv(planned: Planned, joints: Sequence[str]) -> str:
+    """Time and, per joint, position [rad], velocity [rad/s] and acceleration [rad/s²] of the reference."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    kinds = ("theta_ref", "velocity_ref", "acceleration_ref")
+    writer.writerow(["time", *(f"{kind}_{joint}" for kind in kinds for joint in joints)])
+    time, *levels = reference_levels(planned, CSV_STEP)
+    for row in np.concatenate([time[:, None], *levels], axis=1):
+        writer.writerow([_text(value) for value in row])
+    return out.getvalue()
+
+
+def trajectory_yaml(planned: Planned, joints: Sequence[str]) -> str:
+    """A trajectory_msgs/msg/JointTrajectory as YAML, as `ros2 topic pub` and controllers read it."""
+    from ruamel.yaml import YAML
+
+    time, *levels = reference_levels(planned, TRAJECTORY_STEP)
+    points = []
+    for k, instant in enumerate(time):
+        nanoseconds = round(float(instant) * 1e9)
+        rows = [[float(_text(value)) for value in level[k]] for level in levels]
+        named: dict[str, Any] = dict(zip(("positions", "velocities", "accelerations"), rows, strict=True))
+        named["time_from_start"] = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+        points.append(named)
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    yaml, out = YAML(), io.StringIO()
+    yaml.default_flow_style = None
+    yaml.width = 10_000
+    yaml.dump({"header": header, "joint_names": list(joints), "points": points}, out)
+    return out.getvalue()
+
+
+def design_document(design: Design) -> dict[str, Any]:
+    """The design as JSON: references by their coefficients, expected errors, use of the limits."""
+    groups = []
+    for group in design.groups:
+        planned, motion = group.planned, group.planned.reference
+        assert isinstance(motion, Fourier)
+        groups.append(
+            {
+                "name": planned.name,
+                "payload": planned.payload,
+                "duration": planned.duration,
+                "files": [f"{planned.name}.csv", f"{planned.name}.yaml"],
+                **{name: getattr(motion, name).tolist() for name in ("centre", "sine", "cosine")},
+                "frequency": motion.frequency,
+                "ramp": motion.ramp,
+                "limits": [asdict(one) for one in group.used],
+            }
+        )
+    kept = {name: getattr(design, name) for name in KEPT}
+    errors = [asdict(one) for one in design.errors]
+    return {"format": 1, **kept, "random": design.before, "groups": groups, "parameters": errors}
+
+
+def _text(value: float) -> str:
+    return f"{round(float(value), DIGITS) + 0.0:.{DIGITS}g}"
+
+
+def summary_lines(design: Design) -> list[str]:
+    """What to record, what it uses of the limits, and what it is expected to show."""
+    lines = [f"{design.subject}: {plural(len(design.groups), 'group')}, seed {design.seed}"]
+    for group in design.groups:
+        planned = group.planned
+        used = ", ".join(f"{one.limit} {100 * one.share:.0f} %" for one in group.used[:MOST_LIMITS])
+        lines.append(f"  {planned.name}: payload {planned.payload}, {planned.duration:g} s; uses {used}")
+    if design.beside:
+        lines.append(f"  together with the recorded groups {', '.join(design.beside)}")
+    lines.append("")
+    unit = f" {design.unit}" if design.unit else ""
+    random = f"a random motion within the limits {design.before:.3g}{unit}"
+    lines.append(f"{design.criterion}: {design.value:.3g}{unit}, of {random}")
+    lines += _separation(design)
+    lines += ["", "Expected of identify --refine with these groups alone (± 95 %):"]
+    rows, hidden = [], 0
+    for error in design.errors:
+        if error.prior_share > FROM_PRIOR or error.name in INERTIAL_NAMES:
+            hidden += error.prior_share > FROM_PRIOR and error.name not in INERTIAL_NAMES
+            continue
+        value, width = interval(error.value, error.std)
+        rows.append((error.label, value, f"± {width}", unit_text(error.unit)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
+    lines += ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    if hidden:
+        lines.append(f"({hidden} parameters that these motions do not show are left out)")
+    if design.stopped:
+        lines.append("stopped early: the best groups so far")
+    return lines
+
+
+def _separation(design: Design) -> list[str]:
+    if not design.separates:
+        return []
+    first, second = (effect_text_name(text) for text in design.separates)
+    lines = [
+        f"  if {true} is the true one, it is expected to win over {false} by {gain:.3g} in log likelihood"
+        for true, false, gain in ((first, second, design.gains[0]), (second, first, design.gains[1]))
+    ]
+    if design.recorded_gains:
+        known = " and ".join(f"{gain:.3g}" for gain in design.recorded_gains)
+        lines.append(f"  with the recorded groups alone: {known}")
+    return lines

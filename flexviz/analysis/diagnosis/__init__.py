@@ -1,0 +1,49 @@
+"""Diagnosis: is the model complete, and if not, what is missing and where."""
+
+from flexviz.analysis.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.analysis.diagnosis.curve_step import CurveDraft, draft_from_curve, why_no_curve, with_free_curve
+from flexviz.analysis.diagnosis.curves import fit_free_curve
+from flexviz.analysis.diagnosis.fit_context import Fit, FitContext
+from flexviz.analysis.diagnosis.pipeline import diagnose
+from flexviz.analysis.diagnosis.prediction_errors import (
+    BAND_HERTZ,
+    PredictionErrors,
+    TorqueOverTime,
+    errors_along,
+    prediction_errors,
+    torque_over_time,
+)
+from flexviz.analysis.diagnosis.residual_location import locate_residual, maps_of
+from flexviz.analysis.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
+from flexviz.analysis.diagnosis.result import Diagnosis, Evidence, Finding, Step
+from flexviz.analysis.diagnosis.so_far import BestModel
+from flexviz.content.results import BandwidthCheck, ParameterCurve
+
+__all__ = [
+    "BAND_HERTZ",
+    "DIRECTED",
+    "DIRECTION_GAIN",
+    "BandwidthCheck",
+    "BestModel",
+    "CurveDraft",
+    "Diagnosis",
+    "Evidence",
+    "Finding",
+    "Fit",
+    "FitContext",
+    "ParameterCurve",
+    "PredictionErrors",
+    "Step",
+    "TorqueOverTime",
+    "check_bandwidth",
+    "diagnose",
+    "draft_from_curve",
+    "errors_along",
+    "fit_free_curve",
+    "locate_residual",
+    "maps_of",
+    "prediction_errors",
+    "torque_over_time",
+    "why_no_curve",
+    "with_free_curve",
+]

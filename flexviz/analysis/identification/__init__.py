@@ -1,0 +1,31 @@
+"""Identification: parameters with uncertainty from measurements."""
+
+from flexviz.analysis.identification.bandwidth_sweep import SweepResult, sweep
+from flexviz.analysis.identification.estimator import Estimate, Estimator
+from flexviz.analysis.identification.link_side_check import link_side_checks
+from flexviz.analysis.identification.pipeline import identify
+from flexviz.analysis.identification.plots import IdentificationPlots, laws_figure
+from flexviz.analysis.identification.preview import ObservedResidual, ResidualPreview
+from flexviz.analysis.identification.result import Identification, ResidualSeries
+from flexviz.analysis.identification.settings import FitOptions, FitSettings, fit_settings
+from flexviz.analysis.identification.summary import combinations, parameter_estimates
+
+__all__ = [
+    "Estimate",
+    "Estimator",
+    "FitOptions",
+    "FitSettings",
+    "Identification",
+    "IdentificationPlots",
+    "ObservedResidual",
+    "ResidualPreview",
+    "ResidualSeries",
+    "SweepResult",
+    "combinations",
+    "fit_settings",
+    "identify",
+    "laws_figure",
+    "link_side_checks",
+    "parameter_estimates",
+    "sweep",
+]

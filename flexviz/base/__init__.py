@@ -1,0 +1,1 @@
+"""What every room uses: errors, files, other processes, documents, units. It knows no robots."""

@@ -1,0 +1,52 @@
+"""Results: the results document, verdicts and grades, lookup of parameters by name."""
+
+from flexviz.content.results.assessment import assessment, at_bounds, hints, lacks_effects, torque_side
+from flexviz.content.results.bandwidth import BandwidthCheck, GuardEntry, ParameterCurve
+from flexviz.content.results.charts import evidence_chart, staircase_chart
+from flexviz.content.results.document import (
+    ResultDocument,
+    curve_entries,
+    json_schema,
+    note_entries,
+    read_result,
+    shared_fields,
+)
+from flexviz.content.results.fields import DiagnosisFields, FitFields
+from flexviz.content.results.frame import DataFrame, parameter_frame
+from flexviz.content.results.link_side import LinkSide
+from flexviz.content.results.lookup import ParameterNotFound, find_parameter
+from flexviz.content.results.summary import WIDE, markdown, parts, run_lines
+from flexviz.content.results.tables import in_ascii, interval, plain_table
+
+__all__ = [
+    "WIDE",
+    "BandwidthCheck",
+    "DataFrame",
+    "DiagnosisFields",
+    "FitFields",
+    "GuardEntry",
+    "LinkSide",
+    "ParameterCurve",
+    "ParameterNotFound",
+    "ResultDocument",
+    "assessment",
+    "at_bounds",
+    "curve_entries",
+    "evidence_chart",
+    "find_parameter",
+    "hints",
+    "in_ascii",
+    "interval",
+    "json_schema",
+    "lacks_effects",
+    "markdown",
+    "note_entries",
+    "parameter_frame",
+    "parts",
+    "plain_table",
+    "read_result",
+    "run_lines",
+    "shared_fields",
+    "staircase_chart",
+    "torque_side",
+]

@@ -1,0 +1,106 @@
+"""Text for numbers, effects and findings, shared by app, report, recording and command line."""
+
+from flexviz.content.wording.effects import (
+    SCOPES,
+    bounds_text,
+    effect_json,
+    enters_text,
+    parameter_text,
+    relation_text,
+    simulated_text,
+)
+from flexviz.content.wording.errors import (
+    PERCENT,
+    SAID_AS_SHARES,
+    TORQUE,
+    JointErrors,
+    explained,
+    left_text,
+    mean_nrms,
+    noise_text,
+    normalised,
+    percent,
+    stated_errors,
+    total_rms,
+)
+from flexviz.content.wording.estimates import (
+    NOT_DETERMINED,
+    determined,
+    estimate_cells,
+    estimate_mark,
+    estimate_words,
+    interval_words,
+    told,
+)
+from flexviz.content.wording.findings import (
+    ALONG,
+    FAMILY_TITLES,
+    UNTOLD,
+    absorbed_list,
+    capitalised,
+    confidence_of,
+    curve_text,
+    effect_text_name,
+    effect_title,
+    family_title,
+    finding_name,
+    finding_title,
+    kinds_text,
+    lower,
+    member_name,
+    moved,
+    share_text,
+    tie_text,
+    tied_family,
+    value_text,
+    values_text,
+    where_text,
+)
+from flexviz.content.wording.glossary import GLOSSARY, Term, with_terms
+from flexviz.content.wording.merging import (
+    LIKELY,
+    Families,
+    MergedFinding,
+    added_families,
+    confidence_range,
+    joint_score,
+    joints_text,
+    merged_findings,
+    merged_texts,
+    removes_text,
+    text_names,
+    text_runs,
+    tied_families,
+)
+from flexviz.content.wording.numbers import (
+    INERTIAL,
+    MARKS,
+    SYMBOLS,
+    as_markdown,
+    escape,
+    interval,
+    listed,
+    markdown_table,
+    measured,
+    measured_parts,
+    number,
+    plain_name,
+    plural,
+    quantity,
+    short_names,
+    si_scale,
+    temperature_text,
+    unit_text,
+)
+from flexviz.content.wording.records import ErrorsLike
+from flexviz.content.wording.shares import finding_key, found_shares, step_shares
+from flexviz.content.wording.stages import STAGE_SHARES, SearchStage
+from flexviz.content.wording.trace import TRACE_TITLE, decoys_text, told_moves
+from flexviz.content.wording.verdicts import (
+    MOST_NAMED,
+    limit_text,
+    location,
+    span_text,
+    verdict_text,
+    what_stays,
+)

@@ -1,0 +1,1 @@
+"""Measurement sets: reading, checking and writing them, import of other logs, noise of the samples."""

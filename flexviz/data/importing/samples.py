@@ -1,0 +1,209 @@
+"""What the samples of logs contain that no sensor of a moving robot writes, as issues with proposed keys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from collections.abc import Mapping as Named
+from dataclasses import replace
+
+import numpy as np
+
+from flexviz.base.arrays import Bools
+from flexviz.content.wording import listed, number, plural
+from flexviz.data.importing.assembling import AssembledGroup
+from flexviz.data.importing.formats.base import SHORTEST
+from flexviz.data.importing.mapping import NEEDED, Issue, Mapping
+from flexviz.data.importing.proposals import Proposal
+from flexviz.data.measurements import OPTIONAL_SIGNALS, GroupTable, Segment, likely_limits, pieces
+from flexviz.data.noise import (
+    Channel,
+    GroupSamples,
+    Remedy,
+    SampleFinding,
+    check_jumps,
+    check_outside,
+    check_repeats,
+    filtered_before_writing,
+)
+from flexviz.robot.robot import PayloadBody, Robot
+
+SPOILT = ("messages", "wrapped", "dropped", "outliers", "jumps")  # nothing is concluded from such signals
+LISTED = 3  # stretches that a message lists
+MOVES = 0.02  # of its largest speed, from which a joint counts as moving
+
+Found = list[tuple[AssembledGroup, SampleFinding]]
+
+
+def check_samples(
+    mapping: Mapping,
+    robot: Robot,
+    payloads: Named[str, Sequence[PayloadBody]],
+    groups: Sequence[AssembledGroup],
+) -> list[Issue]:
+    """Jumps, repeated values, torques from outside, filters: one issue per kind and signal."""
+    found: Found = []
+    for group in groups:
+        own = [
+            finding for channel in channels(group) for finding in _of_channel(channel, group, mapping, robot)
+        ]
+        if not any(finding.kind in SPOILT for finding in own):
+            time = group.table.time + group.since
+            recording = GroupSamples(time, group.table.theta, group.table.tau, payloads[group.table.payload])
+            own += check_outside(recording, robot)
+        found += [(group, finding) for finding in own]
+    kinds = dict.fromkeys((finding.kind, finding.signal) for _, finding in found)
+    issues = [
+        _issue(mapping, [item for item in found if (item[1].kind, item[1].signal) == kind]) for kind in kinds
+    ]
+    return issues if any(issue.kind in SPOILT for issue in issues) else [*issues, *_filtered(mapping, groups)]
+
+
+def channels(group: AssembledGroup) -> Iterator[Channel]:
+    """θ and τ of all joints as the log has them, in the part that is used."""
+    for (joint, signal), trace in group.traces.items():
+        if signal in NEEDED:
+            used = group.uses(trace.time)
+            yield Channel(
+                signal, joint, trace.time[used] - group.origin, trace.values[used] / trace.scale,
+                abs(trace.scale), None if trace.incomplete is None else trace.incomplete[used],
+            )  # fmt: skip
+
+
+def _of_channel(
+    channel: Channel, group: AssembledGroup, mapping: Mapping, robot: Robot
+) -> list[SampleFinding]:
+    j = mapping.names.index(channel.joint)
+    jumps = check_jumps(channel, 2 * float(likely_limits(robot)[1][j]), robot.prismatic[j])
+    return jumps or check_repeats(channel, _moves(channel, group))
+
+
+def _moves(channel: Channel, group: AssembledGroup) -> Bools:
+    """Where the joint moves, (N,); for a position where any does: stale values hide its own motion."""
+    joints = {joint for joint, _ in group.traces} if channel.signal == "theta" else {channel.joint}
+    moves = np.zeros(len(channel.time), dtype=bool)
+    for joint in joints:
+        trace = group.traces[joint, "theta"]
+        if len(trace.time) > 1:
+            speed = np.abs(np.gradient(trace.values, trace.time))
+            at = np.interp(channel.time + group.origin, trace.time, speed)
+            moves |= at > MOVES * np.max(speed)
+    return moves
+
+
+def _issue(mapping: Mapping, found: Found) -> Issue:
+    """One issue of findings of one kind and signal: that with the most samples is described."""
+    group, worst = max(found, key=lambda item: item[1].count)
+    joints = tuple(j for j in mapping.names if any(finding.joint == j for _, finding in found))
+    also = sorted({other.entry.group for other, _ in found} - {group.entry.group})
+    names = f"; also in {listed(also)}" if also else ""
+    who = f"{worst.joint}, " if len(joints) > 1 else ""
+    proposals = tuple(_proposals(mapping, found))
+    message = (
+        f"in {group.entry.group}, {who}{_where(group, worst)}: {worst.found}{names}: {worst.cause}? "
+        f"Expected: {worst.expected}"
+    )
+    if proposals:
+        message += f". Proposed: {'; '.join(dict.fromkeys(map(str, proposals)))}"
+    severity = "wrong" if worst.kind in SPOILT else "odd"
+    return Issue(worst.kind, severity, joints, worst.signal, message, proposals=proposals)
+
+
+def _where(group: AssembledGroup, finding: SampleFinding) -> str:
+    """Rows of the log and seconds after its first sample."""
+    trace = group.traces[finding.joint, finding.signal]
+    parts = []
+    for (first, last), (begin, end) in list(zip(finding.stretches, finding.seconds, strict=True))[:LISTED]:
+        rows = [
+            int(trace.rows[np.searchsorted(trace.time, t + group.origin - 1e-9)]) + 1 for t in (begin, end)
+        ]
+        parts.append(
+            f"row {rows[0]} ({number(begin, 4)} s)"
+            if first == last
+            else f"rows {rows[0]} to {rows[1]} ({number(begin, 4)} to {number(end, 4)} s)"
+        )
+    more = len(finding.stretches) > LISTED
+    return ", ".join(parts) + (f", … ({plural(finding.count, 'sample')} in all)" if more else "")
+
+
+def _proposals(mapping: Mapping, found: Found) -> Iterator[Proposal]:
+    """Keys of the mapping that would mend these findings."""
+    stretches: dict[str, list[tuple[AssembledGroup, Remedy]]] = {}
+    for group, finding in found:
+        remedy = finding.remedy
+        if remedy is None:
+            continue
+        if remedy.of == "mapping":
+            yield Proposal((), remedy.key, remedy.value)
+        elif remedy.of == "signal":
+            yield Proposal(("joints", finding.joint, finding.signal), remedy.key, _plain(remedy.value))
+        else:
+            stretches.setdefault(group.entry.group, []).append((group, remedy))
+    for name, remedies in stretches.items():
+        keys = {remedy.key for _, remedy in remedies}
+        if len(keys) == 1 and keys < {"from", "to", "drop_jumps"}:
+            values = [remedy.value for _, remedy in remedies]
+            (key,) = keys
+            yield Proposal(("logs", name), key, min(values) if key == "to" else max(values))
+            continue
+        group = remedies[0][0]
+        spans = sorted(span for _, remedy in remedies for span in _spans(remedy, group))
+        yield Proposal(("logs", name), "leave_out", _united([*group.entry.leave_out, *spans]))
+
+
+def _plain(value: float | bool | tuple[tuple[float, float], ...]) -> object:
+    """A whole number without a decimal point."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _spans(remedy: Remedy, group: AssembledGroup) -> list[tuple[float, float]]:
+    end = round(float(group.table.time[-1]) + group.since + 0.001, 3)
+    if isinstance(remedy.value, tuple):
+        return list(remedy.value)
+    return [(0.0, float(remedy.value))] if remedy.key == "from" else [(float(remedy.value), end)]
+
+
+def _united(spans: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Stretches that overlap become one."""
+    united: list[list[float]] = []
+    for first, last in sorted(map(tuple, spans)):
+        if united and first <= united[-1][1]:
+            united[-1][1] = max(united[-1][1], last)
+        else:
+            united.append([first, last])
+    return united
+
+
+def without_stretches(groups: Sequence[AssembledGroup], issues: Sequence[Issue]) -> list[GroupTable]:
+    """The tables without the stretches that the issues propose to leave out."""
+    keys: dict[str, dict[str, object]] = {}
+    for place, key, value in ((p.place, p.key, p.value) for issue in issues for p in issue.proposals):
+        if place[:1] == ("logs",):
+            keys.setdefault(place[1], {})[{"from": "start", "to": "stop"}.get(key, key)] = value
+    tables = []
+    for group in groups:
+        entry, table = group.entry.model_copy(update=keys.get(group.entry.group, {})), group.table
+        used = entry.uses(table.time + group.since)
+        if np.count_nonzero(used) < SHORTEST or used.all():
+            tables.append(table)
+            continue
+        columns = {name: getattr(table, name) for name in ("time", "theta", "tau", *OPTIONAL_SIGNALS)}
+        tables.append(replace(table, **{name: x[used] for name, x in columns.items() if x is not None}))
+    return tables
+
+
+def _filtered(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]:
+    """Torques that were low-passed before they were written."""
+    segments = []
+    for table in (group.table for group in groups):
+        step = float(np.median(np.diff(table.time)))
+        segments += [Segment(table.time[p], table.theta[p], table.tau[p], step) for p in pieces(table.time)]
+    log = filtered_before_writing(segments)
+    if log.hertz is None or not log.certain:
+        return []
+    joints = tuple(j for j, hertz in zip(mapping.names, log.tau, strict=True) if np.isfinite(hertz))
+    message = (
+        f"in all rows nothing is left above about {number(log.hertz, 2)} Hz, not even noise: was the log "
+        "filtered before it was written, or computed? Expected: the signals as the drive measures them; "
+        "these are of use only if theta and tau went through the same filter"
+    )
+    return [Issue("filtered", "odd", joints, "tau", message)]

@@ -1,0 +1,98 @@
+"""Measurement sets: read, check and write what was recorded on a robot's motor side."""
+
+from flexviz.data.measurements.bridging import GAP, bridge
+from flexviz.data.measurements.data import (
+    OPTIONAL_SIGNALS,
+    Array,
+    FileHash,
+    Fingerprint,
+    Group,
+    Segment,
+)
+from flexviz.data.measurements.group_reading import read_payloads, read_robot
+from flexviz.data.measurements.group_table import GroupTable
+from flexviz.data.measurements.holds import HoldGroup, Holds, find_holds
+from flexviz.data.measurements.measurement_set import (
+    MeasurementSet,
+    fingerprint,
+    require_unchanged,
+    same_recording,
+)
+from flexviz.data.measurements.overview import SetOverview, overview
+from flexviz.data.measurements.reading import read_set, set_of
+from flexviz.data.measurements.robot_in_set import robot_files
+from flexviz.data.measurements.saturation import (
+    SATURATED,
+    SeenLimit,
+    bridged_torque,
+    saturated_text,
+    seen_limits,
+)
+from flexviz.data.measurements.schema import (
+    FILE_NAME,
+    Clamped,
+    GroupKind,
+    SetHeader,
+    Temperatures,
+    TorqueSide,
+    check_clamped,
+)
+from flexviz.data.measurements.segments import POINTS, interpolate, pieces
+from flexviz.data.measurements.tables import readable, row_name
+from flexviz.data.measurements.torque_signals import TorqueRun, no_torque_text, silent_joints, silent_torques
+from flexviz.data.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
+from flexviz.data.measurements.writing import SUFFIXES, check_free, write_set
+
+__all__ = [
+    "FILE_NAME",
+    "GAP",
+    "OPTIONAL_SIGNALS",
+    "POINTS",
+    "SATURATED",
+    "SUFFIXES",
+    "Array",
+    "Clamped",
+    "FileHash",
+    "Fingerprint",
+    "Group",
+    "GroupKind",
+    "GroupTable",
+    "HoldGroup",
+    "Holds",
+    "MeasurementSet",
+    "SampledMotion",
+    "SeenLimit",
+    "Segment",
+    "SetHeader",
+    "SetOverview",
+    "Temperatures",
+    "TorqueRun",
+    "TorqueSide",
+    "bridge",
+    "bridged_torque",
+    "check_clamped",
+    "check_free",
+    "find_holds",
+    "fingerprint",
+    "interpolate",
+    "likely_limits",
+    "no_torque_text",
+    "overview",
+    "pieces",
+    "read_payloads",
+    "read_robot",
+    "read_set",
+    "readable",
+    "require_unchanged",
+    "robot_files",
+    "row_name",
+    "same_recording",
+    "sample_motion",
+    "saturated_text",
+    "seen_limits",
+    "set_of",
+    "silent_joints",
+    "silent_torques",
+    "write_set",
+    "wrong_time_unit",
+]

@@ -1,0 +1,243 @@
+"""Read and check the robot, the payloads and the groups of a measurement set, from files or arrays."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from flexviz.base.errors import FlexvizError, InputError, choose_from
+from flexviz.content.wording import plural
+from flexviz.data.measurements.bridging import Bridged
+from flexviz.data.measurements.data import OPTIONAL_SIGNALS, Array, Group
+from flexviz.data.measurements.schema import Body, GroupEntry, SetHeader
+from flexviz.data.measurements.segments import SHORTEST, Segmented, check_time, make_segments
+from flexviz.data.measurements.tables import Table, require
+from flexviz.data.measurements.unit_checks import UnitCheck, check_optional
+from flexviz.robot.mounting import GRAVITY
+from flexviz.robot.robot import PayloadBody, Robot
+
+LARGEST_BODY = 10.0  # [m] payloads beyond this size or distance can only be in a wrong unit
+HEAVIEST_BODY = 3.0  # times the robot's moving mass; no arm carries more
+COMPARED = 1000  # samples, of which no two recordings have all in common
+
+
+def values(numbers: list[float] | None) -> Array | None:
+    """A list of the file as a read-only array."""
+    if numbers is None:
+        return None
+    array = np.array(numbers, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+def temperatures(numbers: list[float] | None, n: int) -> Array | None:
+    """A group's temperatures, one per joint, from one per joint or one for all."""
+    return values(numbers * n if numbers and len(numbers) == 1 else numbers)
+
+
+def read_robot(
+    source: str,
+    joints: Sequence[str] | None,
+    folder: Path,
+    file: Path,
+    gravity: Sequence[float] = GRAVITY,
+) -> Robot:
+    """The robot with these joints; a path is relative to `folder`, errors name `file`, which asks for it."""
+    try:
+        return Robot.load(source, joints, folder, gravity)
+    except InputError as error:
+        if any(f'joint "{joint}"' in error.message for joint in joints or ()):
+            raise InputError(error.message, file=file, place="joints") from None
+        where = ", ".join(part for part in (source, error.place) if part)
+        raise InputError(f"{where}: {error.message}", file=file, place="robot") from None
+    except FlexvizError:
+        raise
+    except Exception as error:  # whatever a broken robot description makes the libraries raise
+        raise InputError(f'"{source}" cannot be used as a robot: {error}', file=file, place="robot") from None
+
+
+def read_payloads(content: SetHeader, robot: Robot, file: Path) -> dict[str, tuple[PayloadBody, ...]]:
+    """Name of each payload -> its bodies, checked."""
+    return {
+        name: tuple(
+            read_body(body, robot, file, f"payloads.{name}.bodies, entry {i + 1}")
+            for i, body in enumerate(payload.bodies)
+        )
+        for name, payload in content.payloads.items()
+    }
+
+
+def read_body(body: Body, robot: Robot, file: Path, place: str) -> PayloadBody:
+    """A payload's body, its link and inertia checked."""
+
+    def refuse(key: str, message: str) -> NoReturn:
+        raise InputError(message, file=file, place=f"{place}{key}")
+
+    if body.link not in robot.links:
+        refuse("", f'link "{body.link}" does not exist; {choose_from(body.link, robot.links)}')
+    own = float(np.sum(robot.cad_parameters[:, 0]))
+    if body.mass > HEAVIEST_BODY * own > 0.0:
+        refuse(", mass", f"{body.mass:g} on a robot of {own:.3g} kg: is it in grams? expected kg")
+    result = PayloadBody(body.link, body.mass, body.com, body.inertia)
+    moments = np.linalg.eigvalsh(result.inertia_matrix)
+    size = float(np.max(np.abs(moments)))
+    expected = "expected Ixx Iyy Izz Ixy Ixz Iyz [kg m²] about the body's own centre of mass"
+    if moments[0] < -1e-9 * size:
+        found = ", ".join(f"{moment:.4g}" for moment in moments)
+        refuse(", inertia", f"no body has the principal moments {found}; {expected}")
+    if body.mass > 0.0 and size > body.mass * LARGEST_BODY**2:
+        refuse(", inertia", f"{size:g} kg m² needs a body larger than {LARGEST_BODY:g} m; {expected}")
+    if float(np.linalg.norm(body.com)) > LARGEST_BODY:
+        refuse(", com", f"{body.com} is over {LARGEST_BODY:g} m from the link, expected metres")
+    return result
+
+
+def read_group(
+    entry: GroupEntry,
+    source: Table,
+    robot: Robot,
+    bodies: tuple[PayloadBody, ...],
+    stiffness: Array | None,
+    warn: Callable[[str], None],
+    clocks: dict[Path, Segmented],
+    no_torque: Sequence[str] = (),
+) -> Group:
+    """Read and check one group; what was done to its clock is added to `clocks`.
+
+    τ of the joints in `no_torque` is not read: it is zero.
+    """
+    n, joints, file = robot.n, robot.joints, source.file
+    present = source.names
+    signal = [("theta", joint) for joint in joints]
+    signal += [("tau", joint) for joint in joints if joint not in no_torque]
+    needed = [f"{kind}_{joint}" for kind, joint in signal]
+    require(present, ["time", *needed], file)
+    # a joint called joint_1 has tau_joint_1: not the torque sensor of a joint called 1
+    places = {f"{kind}_{joint}": (kind, j) for kind in OPTIONAL_SIGNALS for j, joint in enumerate(joints)}
+    own = {f"tau_{joint}" for joint in joints}
+    optional = [name for name in places if name in present and name not in {*needed, *own}]
+    table = source.read(["time", *needed, *optional])
+    time, others = table[:, 0], table[:, 1 + len(needed) :]
+    places_of = [joints.index(joint) + n * (kind == "tau") for kind, joint in signal]
+    signals = spread_out(table[:, 1 : 1 + len(needed)], places_of, 2 * n)
+    check_time(time, file)
+
+    def warn_here(text: str) -> None:
+        warn(f"{file}: {text}")
+
+    units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_here)
+    units.check_time()
+    units.check_theta()
+    units.check_tau(stiffness)
+    for name, column in zip(needed, signals.T[places_of], strict=True):
+        if column[0] == column[-1] and np.ptp(column) == 0.0:
+            warn_here(f"column {name} never changes")
+    warn_unused({*present} - {f"tau_{joint}" for joint in no_torque}, ["time", *needed, *optional], warn_here)
+    compared: dict[str, Array] = {}  # NaN for joints without such a column
+    for name, column in zip(optional, others.T, strict=True):
+        kind, j = places[name]
+        measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
+        check_optional(name, column, measured, file, warn_here)
+        if kind not in compared:
+            compared[kind] = np.full((n, len(column)), np.nan).T
+        compared[kind][:, j] = column
+    clocks[file] = found = make_segments(time, signals, n)
+    if found.dropped and found.segments:
+        warn_here(f"{found.dropped} samples in stretches of fewer than {SHORTEST} between gaps are not used")
+    if found.filled or found.jitters:
+        time = time.copy()  # so that the table can be forgotten
+    names = entry.name, entry.trajectory, entry.payload
+    degrees = temperatures(entry.temperature, n)
+    return Group(
+        *names, bodies, entry.validation, file, found.segments, time, **compared, temperature=degrees
+    )
+
+
+def spread_out(columns: Array, places: Sequence[int], count: int) -> Array:
+    """Columns at their places among `count`, zero elsewhere; not copied if they are all of them."""
+    if len(places) == count:
+        return columns
+    whole = np.zeros((len(columns), count))
+    whole[:, places] = columns
+    return whole
+
+
+def warn_unused(present: set[str], used: Sequence[str], warn: Callable[[str], None]) -> None:
+    """Warn of columns that look like those of a joint, but are not used."""
+    for name in sorted(present - {*used}):
+        if name.startswith(("theta_", "tau_", "q_")):
+            meant = choose_from(name, used)
+            warn(f"column {name} belongs to no joint of the set and is not used; {meant}")
+
+
+def without_scraps(groups: tuple[Group, ...], warn: Callable[[str], None]) -> tuple[Group, ...]:
+    """The groups without those that gaps leave nothing of; InputError if nothing is left to fit."""
+    nothing = [group for group in groups if not group.segments]
+    message = f"no stretch without a gap has {SHORTEST} samples or more"
+    if not groups:
+        raise InputError("every group holds a static test, expected a motion as well", place="groups")
+    if nothing and all(group.validation or not group.segments for group in groups):
+        raise InputError(f"{message}, expected at least one", file=nothing[0].file)
+    for group in nothing:
+        warn(f'{group.file}: {message}: group "{group.name}" is left out')
+    return tuple(group for group in groups if group.segments)
+
+
+def check_signals(groups: Sequence[Group], file: Path) -> None:
+    """InputError if nothing moves, or no torque acts, in any group."""
+    for name, what in (("theta", "no joint moves"), ("tau", "no torque changes")):
+        if not any(np.ptp(getattr(s, name), axis=0).any() for group in groups for s in group.segments):
+            message = f"{what}: every column {name}_<joint> is constant, expected recorded motion"
+            raise InputError(message, file=file, place="groups")
+
+
+def copies(groups: Sequence[Group]) -> list[str]:
+    """Groups with the same samples, which count twice or confirm themselves, one sentence each."""
+    seen: dict[bytes, Group] = {}
+    found = []
+    for group in groups:
+        longest = max(group.segments, key=len)
+        samples = b"".join(signal[:COMPARED].tobytes() for signal in (longest.theta, longest.tau))
+        if (first := seen.setdefault(hashlib.sha256(samples).digest(), group)) is not group:
+            message = f'groups "{first.name}" and "{group.name}" hold the same samples'
+            found.append(f"{group.file}: {message}: intervals are narrower than one recording allows")
+    return found
+
+
+def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:
+    """What was done to the clocks of the tables, one sentence for all that share it."""
+    jittering = [file for file, found in clocks.items() if found.jitters]
+    filled = {file: found.filled for file, found in clocks.items() if found.filled}
+    warnings = []
+    if jittering:
+        warnings.append(
+            f"{listed(jittering)}: the time jitters: the signals were resampled to a uniform step"
+        )
+    if filled:
+        count = sum(filled.values())
+        what = "1 single missing sample was" if count == 1 else f"{count} single missing samples were"
+        warnings.append(f"{listed(list(filled))}: {what} interpolated")
+    for file, found in clocks.items():
+        if (gaps := found.gaps) is not None and gaps.count:
+            warnings.append(f"{file}: {gap_text(gaps)}")
+    return warnings
+
+
+def gap_text(gaps: Bridged) -> str:
+    """What was done to the gaps of a table."""
+    were = "was" if gaps.count == 1 else "were"
+    text = (
+        f"{plural(gaps.count, 'gap')} of up to {1e3 * gaps.longest:.3g} ms, short against the content of the "
+    )
+    text += f"signals, {were} interpolated"
+    left = f"; longer gaps, {gaps.left} of up to {1e3 * gaps.longest_left:.3g} ms, split it"
+    return text + (left if gaps.left else "")
+
+
+def listed(files: Sequence[Path]) -> str:
+    """The first file in full, and how many more there are."""
+    return str(files[0]) + (f" and {len(files) - 1} more" if len(files) > 1 else "")

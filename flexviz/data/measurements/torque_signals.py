@@ -1,0 +1,109 @@
+"""Torques that are no signal: constant, of two or three values, or unrelated to the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexviz.data.measurements.data import Array
+from flexviz.data.measurements.measurement_set import MeasurementSet
+from flexviz.data.measurements.unit_checks import SampledMotion, sample_motion
+from flexviz.robot.robot import PayloadBody, Robot
+
+FEW_VALUES = 3  # of a torque, which tell its direction at most
+LEAST_SHARE = 0.2  # of a torque's variance that the motion explains; below, it may be unrelated
+SHIFTS = 19  # comparisons with the motion at other times: one in twenty of unrelated torques passes
+LEAST_MOTION = 1e-3  # [rad], [m] by which a joint has to move, for its torque to be missed
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueRun:
+    """One run: payload's bodies, time (N,) [s], θ (N, n) [rad] and τ (N, n) [Nm]."""
+
+    bodies: Sequence[PayloadBody]
+    time: Array
+    theta: Array
+    tau: Array
+
+
+def silent_joints(measurements: MeasurementSet) -> dict[str, str]:
+    """Joints of a set whose torque is no signal although they move -> what it is instead.
+
+    Joints that the set states in `no_torque` are not named.
+    """
+    runs = [
+        TorqueRun(group.bodies, *(group.joined(name) for name in ("time", "theta", "tau")))
+        for group in measurements.groups
+        if group.segments
+    ]
+    found = silent_torques(measurements.robot, runs)
+    return {joint: what for joint, what in found.items() if joint not in measurements.no_torque}
+
+
+def silent_torques(robot: Robot, runs: Sequence[TorqueRun]) -> dict[str, str]:
+    """Joints whose torque is no signal although they move -> what it is instead."""
+    out = {}
+    motions = [(run, sample_motion(run.time, run.theta, run.tau)) for run in runs]
+    columns = [_explaining(robot, run, motion) for run, motion in motions]
+    for j, joint in enumerate(robot.joints):
+        if max(float(np.ptp(run.theta[:, j])) for run in runs) < LEAST_MOTION:
+            continue
+        values = np.unique(np.concatenate([np.unique(run.tau[:, j]) for run in runs]))
+        if len(values) == 1:
+            out[joint] = f"it is {values[0]:g} all the time"
+        elif len(values) <= FEW_VALUES:
+            out[joint] = f"it has {len(values)} values only, {', '.join(f'{v:g}' for v in values)}"
+        else:
+            share = _unrelated([x[:, j] for x in columns], [m.torque[:, j] for _, m in motions])
+            if share is not None:
+                out[joint] = f"masses and friction explain {100 * share:.0f} % of it, no more than chance"
+    return out
+
+
+def _explaining(robot: Robot, run: TorqueRun, motion: SampledMotion) -> Array:
+    """What may explain each joint's torque: CAD gravity and inertia, friction, own inertia: (M, n, 6)."""
+    still = np.zeros_like(motion.q)
+    gravity = robot.cad_torques(run.bodies, motion.q, still, still)
+    whole = robot.cad_torques(run.bodies, motion.q, motion.v, motion.a)
+    speed = np.abs(motion.v).max(axis=0) + 1e-12
+    friction = np.tanh(30 * motion.v / speed)
+    columns = (gravity, whole - gravity, motion.a, motion.v, friction, np.ones_like(still))
+    return np.stack(columns, axis=2)
+
+
+def _unrelated(columns: Sequence[Array], torque: Sequence[Array]) -> float | None:
+    """The share of a joint's torque that its motion explains, if that is no more than by chance.
+
+    Chance is what the motion at other times explains: each run's torque turned round against it.
+
+    Args:
+        columns: of each run, shape (M, P).
+        torque: of each run, shape (M,).
+    """
+    whole = np.concatenate(columns)
+    scale = np.linalg.norm(whole, axis=0)
+    left, size, _ = np.linalg.svd(whole / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    left = left[:, size > 1e-6 * size[0]]
+
+    def share(turned: float) -> float:
+        tau = np.concatenate([np.roll(t, round(turned * len(t))) for t in torque])
+        tau = tau - tau.mean()
+        return float(np.sum((left.T @ tau) ** 2) / max(float(tau @ tau), 1e-300))
+
+    found = share(0.0)
+    if found >= LEAST_SHARE:
+        return None
+    others = [share(turned) for turned in np.linspace(0.1, 0.9, SHIFTS)]
+    return found if found <= max(others) else None
+
+
+def no_torque_text(found: dict[str, str]) -> str:
+    """What is said of such joints, and the key that leaves their torques out; "" without any."""
+    if not found:
+        return ""
+    each = "; ".join(f"{joint}: {what}" for joint, what in found.items())
+    names = ", ".join(f'"{joint}"' for joint in found)
+    what = "the torque of a joint is" if len(found) == 1 else "the torques of some joints are"
+    return f"{what} no signal ({each}): state no_torque = [{names}] in [model] to leave it out"

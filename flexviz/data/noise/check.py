@@ -1,0 +1,157 @@
+"""Whether recorded signals are those of a robot, and how much of them is noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexviz.base.arrays import Array, Bools
+from flexviz.base.errors import InputError
+from flexviz.content.records import Note
+from flexviz.content.wording import noise_text, number
+from flexviz.data.measurements import Group, MeasurementSet, row_name
+from flexviz.data.noise.group_noise import GroupNoise, group_noise
+from flexviz.data.noise.thresholds import THRESHOLDS
+from flexviz.robot.robot import Robot
+
+POSES = 5  # at which a joint's inertia is taken
+
+
+def check_signals(measurements: MeasurementSet, groups: Sequence[Group] | None = None) -> tuple[float, ...]:
+    """Share of the noise in each joint's torque, in the band of an identification; 1: nothing but noise.
+
+    The noise is that of τ, and the torque that it would take to follow the noise of θ, over the spread of τ.
+
+    Args:
+        measurements: the set.
+        groups: to look at; default: all.
+
+    Raises:
+        InputError: positions jump, values were dropped, or the noise of a position or torque leaves no room
+            for the motion.
+    """
+    groups = measurements.groups if groups is None else groups
+    found = [group_noise(group, measurements.robot) for group in groups]
+    for group, one in zip(groups, found, strict=True):
+        _refuse_faults(group, one)
+    if not any(len(one.torque) for one in found):
+        return (0.0,) * measurements.n
+    pooled = _Pooled.of(groups, found, measurements.robot)
+    pooled.refuse_positions()
+    pooled.refuse_torques()
+    return tuple(pooled.shares().tolist())
+
+
+def noise_notes(measurements: MeasurementSet) -> list[Note]:
+    """A note on the joints whose torque is noise in part; raises as `check_signals` does."""
+    shares = zip(measurements.joints, check_signals(measurements), strict=True)
+    large = {joint: share for joint, share in shares if share > THRESHOLDS.noticeable}
+    return [Note("noise", noise_text(large))] if large else []
+
+
+def _refuse_faults(group: Group, noise: GroupNoise) -> None:
+    if not noise.faults:
+        return
+    first, *others = noise.faults
+    also = f"; also in {', '.join(fault.column for fault in others)}" if others else ""
+    row = row_name(group.file, int(np.argmin(np.abs(group.time - first.seconds[0][0]))))
+    raise InputError(
+        f"{first.found}{also}: {first.cause}? expected {first.expected}",
+        file=group.file,
+        place=f"row {row}, column {first.column}",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Pooled:
+    """Several groups together, each array of shape (n,).
+
+    Attributes:
+        groups, parts: the groups.
+        robot: theirs.
+        spread: of the torque [Nm].
+        size: of the torque [Nm]; of a joint that gravity or its neighbours move, what its motion takes.
+        noise: of the torque, and the torque that it takes to follow that of θ, of the links alone [Nm].
+        following_sudden: torque that it takes to follow all that changes from sample to sample [Nm].
+        noise_only: whether a torque is nothing but noise or spikes.
+    """
+
+    groups: Sequence[Group]
+    parts: Sequence[GroupNoise]
+    robot: Robot
+    spread: Array
+    size: Array
+    noise: Array
+    following_sudden: Array
+    noise_only: Bools
+
+    @staticmethod
+    def of(groups: Sequence[Group], parts: Sequence[GroupNoise], robot: Robot) -> _Pooled:
+        weights = [len(one.torque) for one in parts]
+
+        def mean(deviations: list[Array]) -> Array:
+            return np.sqrt(np.average(np.square(deviations), axis=0, weights=weights))
+
+        inertia = _inertia(groups, robot)
+        spread = np.std(np.concatenate([one.torque for one in parts]), axis=0)
+        sudden = mean([one.torque_sudden for one in parts])
+        sudden_acceleration = mean([one.acceleration_sudden for one in parts])
+        accelerations = np.concatenate([np.zeros((1, robot.n)), *(one.acceleration for one in parts)])
+        motion = np.maximum(np.mean(accelerations**2, axis=0) - sudden_acceleration**2, 0.0)
+        following = inertia * mean([one.acceleration_noise for one in parts])
+        return _Pooled(
+            groups, parts, robot, spread,
+            size=np.maximum(spread, inertia * np.sqrt(motion)),
+            noise=np.hypot(mean([one.torque_noise for one in parts]), following),
+            following_sudden=inertia * sudden_acceleration,
+            noise_only=(sudden > 0) & (sudden**2 >= THRESHOLDS.noise_only * spread**2),
+        )  # fmt: skip
+
+    def refuse_positions(self) -> None:
+        """InputError for a position whose noise would take more torque to follow than the joint has."""
+        most = np.maximum(self.size, THRESHOLDS.least_torque * self.spread.max())
+        for j in np.flatnonzero(self.following_sudden > THRESHOLDS.noise_torque * most):
+            worst = int(np.argmax([one.acceleration_sudden[j] for one in self.parts]))
+            unit = "N" if self.robot.prismatic[j] else "Nm"
+            raise InputError(
+                "the noise of this position is larger than its motion: to follow it below 4 Hz would take "
+                f"{number(self.following_sudden[j], 3)} {unit}, and the joint's whole torque varies by "
+                f"{number(self.spread[j], 3)} {unit}; expected a measured position",
+                file=self.groups[worst].file,
+                place=f"column theta_{self.robot.joints[j]}",
+            )
+
+    def refuse_torques(self) -> None:
+        """InputError if every torque is nothing but noise.
+
+        A single one is possible: of a joint that rests, or that only gravity and its neighbours move.
+        """
+        if self.noise_only.all():
+            raise InputError(
+                "every torque is nothing but noise or spikes, expected torques that move the robot",
+                file=self.groups[0].file,
+                place=f"columns {', '.join(f'tau_{joint}' for joint in self.robot.joints)}",
+            )
+
+    def shares(self) -> Array:
+        """Of the noise in each torque, at most 1; none in a constant one."""
+        share = self.noise / np.maximum(self.size, 1e-300)
+        return np.where(self.noise_only, 1.0, np.where(self.spread > 0, np.minimum(share, 1.0), 0.0))
+
+
+def _inertia(groups: Sequence[Group], robot: Robot) -> Array:
+    """The least about each joint, of the CAD model without payload and motors, shape (n,)."""
+    n = robot.n
+    positions = groups[0].segments[0].theta
+    poses = positions[np.linspace(0, len(positions) - 1, POSES).astype(int)]
+    none, one = np.zeros((n, n)), np.eye(n)
+    least = np.full(n, np.inf)
+    with suppress(InputError):  # bodies without mass
+        for pose in poses:
+            q = np.repeat(pose[None], n, axis=0)
+            moved = robot.cad_torques((), q, none, one) - robot.cad_torques((), q, none, none)
+            least = np.minimum(least, np.diag(moved))
+    return np.where(np.isfinite(least), np.maximum(least, 0.0), 0.0)

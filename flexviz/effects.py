@@ -1,0 +1,3 @@
+"""Effects, and what user-defined ones derive from. See `flexviz.model.effects`."""
+
+from flexviz.model.effects import *

@@ -1,0 +1,3 @@
+"""Logs in other formats. See `flexviz.data.importing`."""
+
+from flexviz.data.importing import *

@@ -1,0 +1,3 @@
+"""Measurement sets. See `flexviz.data.measurements`."""
+
+from flexviz.data.measurements import *

@@ -1,0 +1,34 @@
+"""Friction and elasticity as feed-forward tables, and what they removed in a second recording."""
+
+from flexviz.model.compensation.comparison import (
+    CompensatedJoint,
+    CompensationComparison,
+    SpeedRange,
+    compare_friction,
+)
+from flexviz.model.compensation.friction import ELASTIC, by_speed_and_load, deflection, sliding_friction
+from flexviz.model.compensation.table import (
+    ELASTICITY_FILE,
+    FRICTION_FILE,
+    FrictionTable,
+    elasticity_text,
+    friction_table,
+    read_friction_table,
+)
+
+__all__ = [
+    "ELASTIC",
+    "ELASTICITY_FILE",
+    "FRICTION_FILE",
+    "CompensatedJoint",
+    "CompensationComparison",
+    "FrictionTable",
+    "SpeedRange",
+    "by_speed_and_load",
+    "compare_friction",
+    "deflection",
+    "elasticity_text",
+    "friction_table",
+    "read_friction_table",
+    "sliding_friction",
+]

@@ -1,0 +1,1 @@
+"""Where results go: terminal, app, reports, recordings, batches, exports."""

@@ -1,0 +1,21 @@
+"""Export of an identified robot as URDF, MJCF, YAML, JSON, C, Python and tables."""
+
+from flexviz.outlets.exporting.coverage import Entry, LeftOut, Written, coverage
+from flexviz.outlets.exporting.identified import IdentifiedRobot, check_payload, identified_robot
+from flexviz.outlets.exporting.writing import FORMATS, Exported, check_folder, check_formats, export, write
+
+__all__ = [
+    "FORMATS",
+    "Entry",
+    "Exported",
+    "IdentifiedRobot",
+    "LeftOut",
+    "Written",
+    "check_folder",
+    "check_formats",
+    "check_payload",
+    "coverage",
+    "export",
+    "identified_robot",
+    "write",
+]

@@ -1,0 +1,3 @@
+"""Recordings for the Rerun viewer. See `flexviz.outlets.recording`."""
+
+from flexviz.outlets.recording import *

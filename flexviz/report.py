@@ -1,0 +1,3 @@
+"""Reports of a session. See `flexviz.outlets.report`."""
+
+from flexviz.outlets.report import *

@@ -1,0 +1,3 @@
+"""An analysis with its history, saved and restored. See `flexviz.content.session`."""
+
+from flexviz.content.session import *

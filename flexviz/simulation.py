@@ -1,0 +1,3 @@
+"""Simulated motion and sets. See `flexviz.model.simulation`."""
+
+from flexviz.model.simulation import *
