@@ -37,6 +37,7 @@ from benchmarks.code_changes import Changer
 from benchmarks.command import command
 
 ROOT = Path(__file__).parents[1]
+MODEL = "flexviz/model"  # its packages are changed
 TESTS = {
     "equation": (
         "equation_exact.py", "equation_parts.py", "equation_truth.py", "equation.py", "effects_limits.py",
@@ -95,7 +96,7 @@ class Mutant:
 def mutants(package: str, count: int, seed: int) -> list[Mutant]:
     """A random choice of the changes of a package."""
     found = []
-    for path in sorted((ROOT / "flexviz" / package).glob("*.py")):
+    for path in sorted((ROOT / MODEL / package).glob("*.py")):
         changer = Changer()
         changer.visit(ast.parse(path.read_text()))
         name = path.relative_to(ROOT).as_posix()
@@ -156,7 +157,7 @@ class Recorder:
     """Which test runs which line, and how long each takes, as a plugin of pytest."""
 
     def __init__(self, package: str) -> None:
-        source = [f"{ROOT}/flexviz/{package}/*"]
+        source = [f"{ROOT}/{MODEL}/{package}/*"]
         self.coverage = coverage.Coverage(data_file=None, include=source, config_file=False)
         self.seconds: dict[str, float] = {}
         self.now = ""

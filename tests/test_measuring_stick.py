@@ -213,7 +213,7 @@ def test_constants_of_a_source(tmp_path: Path) -> None:
     folder = tmp_path / "flexviz" / "analysis" / "diagnosis"
     folder.mkdir(parents=True)
     (folder / "a.py").write_text(SOURCE)
-    (folder.parent / "b.py").write_text("A = 1\n")
+    (folder.parents[1] / "b.py").write_text("A = 1\n")
     found = list(constants.module_constants(ast.parse(SOURCE), False))
     names = {kind: [name for k, name, _ in found if k == kind] for kind, _, _ in found}
     assert names == {
@@ -223,7 +223,9 @@ def test_constants_of_a_source(tmp_path: Path) -> None:
     }
     text = constants.report(tmp_path)
     assert "flexviz/analysis/diagnosis/a.py:3: constant HERTZ = 5.0" in text
-    assert "flexviz: 22 lines in 2 files" in text and "flexviz/diagnosis: 21 lines in 1 files" in text
+    assert (
+        "flexviz: 22 lines in 2 files" in text and "flexviz/analysis/diagnosis: 21 lines in 1 files" in text
+    )
     assert "6 numeric constants: 2 thresholds and 4 of modules; besides, 2 numbers as defaults" in text
 
 
