@@ -1,8 +1,8 @@
 """`python -m benchmarks.law_page OUT.html [--write]`: the law of every effect through its data, to look at.
 
-From one simulated set per effect, the one of `tests/test_laws.py`, with the right model and with a wrong one.
-Beside each picture: mean square of data − law relative to the noise. `--write` makes the pictures of the
-right models anew that the effects' pages show.
+From one simulated set per effect, the one of `tests/analysis/test_laws.py`, with the right model and with a
+wrong one. Beside each picture: mean square of data − law relative to the noise. `--write` makes the pictures
+of the right models anew that the effects' pages show.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexviz.model.effects import EFFECTS
 from flexviz.outlets.report import ReportDocument, Section, html
 from flexviz.outlets.report.blocks import Figures
 from flexviz.outlets.view import law_chart
-from tests.test_laws import OTHER, last_law, simulated
+from tests.analysis.test_laws import OTHER, last_law, simulated
 
 HEIGHT = 190  # [px] of a chart
 

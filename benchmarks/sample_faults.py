@@ -1,6 +1,7 @@
 """Faults of samples that people's logs have, put into good recordings, and what looks like one and is none.
 
-`python -m benchmarks.import_faults SET…` counts how they are named; tests/test_import_samples.py asserts it.
+`python -m benchmarks.import_faults SET…` counts how they are named;
+tests/data/test_import_samples.py asserts it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The public names: all are stated as stable or not, and the stable ones still have what they had.
 
-`python -m tests.test_stable_api` writes tests/data/stable_api.json anew: after an addition, or for a new
+`python -m tests.test_stable_api` writes tests/fixtures/stable_api.json anew: after an addition, or for a new
 minor version.
 """
 
@@ -19,7 +19,7 @@ import flexviz
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "api.md"
-KNOWN = Path(__file__).parent / "data" / "stable_api.json"
+KNOWN = Path(__file__).parent / "fixtures" / "stable_api.json"
 
 
 def stated() -> tuple[list[str], list[str]]:

@@ -65,7 +65,7 @@ No method can be exact on the two planar practice sets: their recordings bias mo
 joint 2 is too small by 4.6 to 5.4e-4 kg m², whatever its value, stiffness, friction and noise
 (`python -m benchmarks.motor_inertia PRACTICE`). A controller that
 interpolates its reference between the rows has this effect ([what to record](../../docs/bring-your-own-robot.md#what-to-record),
-`tests/test_torque_sampling.py`); the sets do not state theirs. It is .05 to .08 % of B, 5 to 100 standard errors of
+`tests/model/test_torque_sampling.py`); the sets do not state theirs. It is .05 to .08 % of B, 5 to 100 standard errors of
 `--refine`, which is therefore behind where another method's own error happens to compensate it.
 
 The scripts for mujoco.sysid avoid three obstacles of MuJoCo 4.0.0: its pseudo-inertia modifier does not compile without an

@@ -12,8 +12,8 @@ import pytest
 from flexviz.outlets.batch.batch import MARKER
 from flexviz.outlets.batch.table import TABLE, write_table
 from tests.browser.page import SOON, chart, pause, row, status, tab, until, well_laid_out
+from tests.outlets.test_batch_fleet import fleet
 from tests.small_set import write_small_set
-from tests.test_batch_fleet import fleet
 
 pytestmark = pytest.mark.browser
 MONTHS = 6

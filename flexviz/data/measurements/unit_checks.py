@@ -31,7 +31,7 @@ Warn = Callable[[str], None]
 
 @dataclass(frozen=True)
 class UnitThresholds:
-    """When data look odd and when they are refused; `pytest tests/test_bad_measurements.py` supports them.
+    """When data look odd, when they are refused; `pytest tests/data/test_bad_measurements.py` supports them.
 
     All sets of the practice cases, the presets and the real recordings pass without a warning.
     """

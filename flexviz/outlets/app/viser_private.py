@@ -1,7 +1,7 @@
 """All that leans on viser's inside: handler tables, messages, its server, ids and classes of its page.
 
 `viser_private.js` is what the page's scripts know of it. Tried with the version that pyproject.toml pins:
-tests/test_app_input_checks.py and tests/browser/test_viser_private.py cover every part.
+tests/outlets/test_app_input_checks.py and tests/browser/test_viser_private.py cover every part.
 """
 
 from __future__ import annotations

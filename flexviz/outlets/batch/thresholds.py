@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FleetThresholds:
-    """When a parameter drifts, and when a set stands out. Supported by `pytest tests/test_batch_fleet.py`.
+    """When a parameter drifts, when a set stands out; `pytest tests/outlets/test_batch_fleet.py` supports it.
 
     Attributes:
         false_alarms: probability that a fleet in which nothing changes has any drift, or any outlier, named,
