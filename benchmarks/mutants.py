@@ -194,11 +194,18 @@ class Recorder:
         return code
 
 
+def place_of(test: str) -> str:
+    """Of a file of tests, or of a test in it, named as pytest does: where it is."""
+    file, *inside = test.split("::")
+    (path,) = (ROOT / "tests").rglob(file)
+    return "::".join([path.relative_to(ROOT).as_posix(), *inside])
+
+
 class Tests:
     """The quick tests of a package: which of them a mutant has to meet."""
 
     def __init__(self, package: str) -> None:
-        self.files = [f"tests/test_{name}" for name in TESTS[package]]
+        self.files = [place_of(f"test_{name}") for name in TESTS[package]]
         with tempfile.TemporaryDirectory() as folder:
             seen = Path(folder) / "seen.json"
             code = forked(lambda: Recorder(package).record(self.files, seen), 3600)
