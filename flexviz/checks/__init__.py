@@ -5,10 +5,9 @@ Moves (`hypotheses`) and masks (`masks`) over one rigid model; the common search
 
 from flexviz.checks import hypotheses  # registers what may be wrong
 from flexviz.checks.columns import check_optional_columns
+from flexviz.checks.faults import HYPOTHESES, Case, Fault, hypothesis
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue, Severity
-from flexviz.checks.motion import likely_limits, sample_motion, wrong_time_unit
-from flexviz.checks.moves import HYPOTHESES, Case, Move, hypothesis
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.sets import issues_of_set, plausibility_warnings, with_plausibility_warnings
 from flexviz.checks.thresholds import LIMITS
@@ -18,18 +17,15 @@ __all__ = [
     "LIMITS",
     "Case",
     "Comparison",
+    "Fault",
     "Issue",
     "LoadedTable",
-    "Move",
     "Severity",
     "check_groups",
     "check_optional_columns",
     "hypotheses",
     "hypothesis",
     "issues_of_set",
-    "likely_limits",
     "plausibility_warnings",
-    "sample_motion",
     "with_plausibility_warnings",
-    "wrong_time_unit",
 ]

@@ -9,9 +9,7 @@ import numpy as np
 
 from flexviz.checks.issues import Issue
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.conversions import change_of, conversions
-from flexviz.data.logs.joint_parts import JointPart, followed, joint_parts
-from flexviz.data.logs.mapping import Fix, Mapping
+from flexviz.data.logs import Fix, JointPart, Mapping, change_of, conversions, followed, joint_parts
 from flexviz.data.measurements import GroupTable
 
 

@@ -9,7 +9,7 @@ from flexviz.checks.issues import Issue, Severity
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.thresholds import LIMITS
 from flexviz.checks.torques import check_torques
-from flexviz.data.logs.mapping import Mapping
+from flexviz.data.logs import Mapping
 from flexviz.robot.robot import Robot
 
 

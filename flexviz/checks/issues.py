@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexviz.data.logs.mapping import Fix
-from flexviz.data.logs.proposals import Proposal
+from flexviz.data.logs import Fix, Proposal
 
 Severity = Literal["wrong", "odd"]
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from flexviz.base.arrays import Array
 from flexviz.base.search import Score
-from flexviz.checks.moves import Case, Move, moves, together
+from flexviz.checks.faults import Case, Fault, moves, together
 from flexviz.checks.reading import Reading
 from flexviz.checks.rigid import Comparison
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.mapping import Mapping
+from flexviz.data.logs import Mapping
 
 ALIKE = float(np.log(LIMITS.alike))
 SURE = float(np.log(LIMITS.sure / (1 - LIMITS.sure)))  # odds
@@ -25,18 +25,18 @@ FOLLOWED = 3  # best moves of a model, behind which no other is looked at
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class Found:
     """A reading and the moves that lead to it."""
 
-    moves: tuple[Move, ...]
+    moves: tuple[Fault, ...]
     reading: Reading
 
     @property
     def parts(self) -> frozenset[Hashable]:
         return frozenset(move.key for move in self.moves)
 
-    def with_(self, move: Move) -> Model:
-        return Model((*self.moves, move), move.change(self.reading))
+    def with_(self, move: Fault) -> Found:
+        return Found((*self.moves, move), move.change(self.reading))
 
 
 class Readings:
@@ -49,22 +49,22 @@ class Readings:
     ) -> None:
         self.mapping, self.comparison, self.start = mapping, comparison, start
         self.payloads_known = payloads_known
-        self.stages: dict[str, Callable[[Model], Iterable[tuple[Hashable, Model]]]] = {
+        self.stages: dict[str, Callable[[Found], Iterable[tuple[Hashable, Found]]]] = {
             "add": self.larger,
             "swap": self.exchanged,
         }
         self._scores: dict[frozenset[Hashable], Score] = {}
-        self._promising: dict[frozenset[Hashable], list[Model]] = {}
+        self._promising: dict[frozenset[Hashable], list[Found]] = {}
 
     @property
-    def begin(self) -> Model:
+    def begin(self) -> Found:
         """The model in which nothing is wrong."""
-        return Model((), self.start)
+        return Found((), self.start)
 
-    def parts(self, model: Model) -> frozenset[Hashable]:
+    def parts(self, model: Found) -> frozenset[Hashable]:
         return model.parts
 
-    def score(self, model: Model) -> Score:
+    def score(self, model: Found) -> Score:
         """What the criterion says of a reading; every move has to make it surely more probable."""
         key = model.parts
         if key not in self._scores:
@@ -75,39 +75,39 @@ class Readings:
             self._scores[key] = Score(by_joint, nothing, cost)
         return self._scores[key]
 
-    def _cost(self, model: Model) -> float:
+    def _cost(self, model: Found) -> float:
         return sum(SURE - move.prior for move in model.moves)
 
-    def larger(self, model: Model) -> Iterator[tuple[Hashable, Model]]:
+    def larger(self, model: Found) -> Iterator[tuple[Hashable, Found]]:
         """Models with one more thing wrong, by the joints where it is."""
         for other in self.promising(model):
             yield other.moves[-1].place, other
 
-    def exchanged(self, model: Model) -> Iterator[tuple[Hashable, Model]]:
+    def exchanged(self, model: Found) -> Iterator[tuple[Hashable, Found]]:
         """Models in which something else is wrong instead of one thing."""
         for move in model.moves if len(model.moves) > 1 else ():
             for other in self.promising(self.without(model, move)):
                 if other.moves[-1].key != move.key:
                     yield move.key, other
 
-    def united(self, model: Model, others: list[Model]) -> Model:
+    def united(self, model: Found, others: list[Found]) -> Found:
         """All that is wrong in any of them, the most probable first, as far as it goes together."""
         for move in (move for other in others for move in other.moves):
             if not any(move.excludes(done) for done in model.moves):
                 model = model.with_(move)
         return model
 
-    def smaller(self, model: Model) -> Iterator[Model]:
+    def smaller(self, model: Found) -> Iterator[Found]:
         """Models without one thing, the least needed first."""
         every = [self.without(model, move) for move in model.moves] if len(model.moves) > 1 else []
         return iter(sorted(every, key=lambda other: self.score(other).total))
 
-    def without(self, model: Model, move: Move) -> Model:
+    def without(self, model: Found, move: Fault) -> Found:
         """The model without a move."""
         kept = tuple(other for other in model.moves if other is not move)
-        return Model(kept, together(kept, self.start))
+        return Found(kept, together(kept, self.start))
 
-    def promising(self, model: Model) -> list[Model]:
+    def promising(self, model: Found) -> list[Found]:
         """Models with one more move, without those that are certainly none of the best.
 
         A bound of all scores tells which must be computed; it is compared with its own value for the model.
@@ -121,7 +121,7 @@ class Readings:
         every = [model.with_(move) for move in moves(case) if self._worth(move, model, room)]
         spare = comparison.bound(model.reading, few=False) - comparison.bound(model.reading)
         least = [self._cost(other) - comparison.bound(other.reading) - spare for other in every]
-        tried: list[Model] = []
+        tried: list[Found] = []
         most = self.score(model).total
         for i in np.argsort(least):
             if least[i] > most + ALIKE:
@@ -132,13 +132,13 @@ class Readings:
         self._promising[model.parts] = tried
         return tried
 
-    def _worth(self, move: Move, model: Model, room: Array) -> bool:
+    def _worth(self, move: Fault, model: Found, room: Array) -> bool:
         """Whether a move could make a reading that probable, and is none of what was done already."""
         own = room[list(move.joints)] if move.signal == "tau" else room
         possible = float(np.sum(own)) + move.prior >= SURE
         return possible and not any(move.excludes(done) for done in model.moves)
 
-    def explains(self, model: Model) -> bool:
+    def explains(self, model: Found) -> bool:
         """Whether the torques of the changed joints are explained, and none less than without a move.
 
         What is not explained may be improved by chance.
@@ -150,12 +150,12 @@ class Readings:
             for move in model.moves
         )
 
-    def _shares(self, model: Model) -> Array:
+    def _shares(self, model: Found) -> Array:
         """(n,) of each joint's torque that is explained, at least nothing."""
         fits = self.comparison.fits(model.reading)
         return np.maximum([fit.share for fit in fits], 0.0)
 
-    def alike(self, model: Model, move: Move) -> list[Move]:
+    def alike(self, model: Found, move: Fault) -> list[Fault]:
         """Moves that explain the torques as well as one of a model, the most probable first."""
         rest, own = self.without(model, move), self.score(model).total
         found = [

@@ -14,7 +14,7 @@ from flexviz.base.progress import Progress, ProgressCallback, StopCallback, igno
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
 from flexviz.content.wording import issue_text
-from flexviz.data.logs.mapping import parse
+from flexviz.data.logs import parse_mapping
 from flexviz.data.measurements import GroupTable, MeasurementSet
 
 log = logging.getLogger(__name__)
@@ -71,4 +71,4 @@ def issues_of_set(
     groups = [
         (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
     ]
-    return check_groups(parse(document, Path("mapping")), measurements.robot, groups, watch=watch)
+    return check_groups(parse_mapping(document, Path("mapping")), measurements.robot, groups, watch=watch)

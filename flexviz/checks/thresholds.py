@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class CheckThresholds:
@@ -13,11 +11,6 @@ class CheckThresholds:
 
     `python -m benchmarks.import_faults` shows what is named with them, and on how many good sets nothing is.
     """
-
-    # Time
-    slowest_step: float = 0.2  # [s] slower sampling cannot show a flexible joint: time is not in seconds
-    slow_step: float = 0.05  # [s] slower sampling is odd, and means another unit for a robot that
-    resting_speed: float = 5e-3  # [rad/s], [m/s] hardly moves
 
     # Torques against the robot's masses: what is known before the data are seen
     shortest_motion: float = 1.0  # [s] of all groups together; shorter ones prove nothing
@@ -38,8 +31,6 @@ class CheckThresholds:
     unexplained: float = 0.2  # share below which a joint is called unexplained
 
     # Motion against the joint's limits
-    widest: float = 8 * np.pi  # [rad] limits assumed where the robot description has none
-    fastest: float = 40.0  # [rad/s]
     beyond: float = 1.3  # times range or speed at which θ is odd
     far_beyond: float = 3.0  # the same at which θ is certainly wrong
     smallest_motion: float = 0.02  # [rad] less is no motion that anybody records

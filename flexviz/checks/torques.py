@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from flexviz.base.search import Search
+from flexviz.checks.faults import Fault
 from flexviz.checks.issues import Issue, Severity
-from flexviz.checks.moves import Move
-from flexviz.checks.problem import SURE, Model, Readings
+from flexviz.checks.problem import SURE, Found, Readings
 from flexviz.checks.reading import Reading
 from flexviz.checks.rigid import Comparison
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.mapping import Mapping
+from flexviz.data.logs import Mapping
 
 DOUBTFUL = ("zero", "coupling", "payload")  # which the shape of a torque does not prove
 
 
-def most_probable(mapping: Mapping, comparison: Comparison, payloads_known: bool) -> tuple[Readings, Model]:
+def most_probable(mapping: Mapping, comparison: Comparison, payloads_known: bool) -> tuple[Readings, Found]:
     """The most probable reading; each of its moves makes it much more probable."""
     start = comparison.stated
     problem = Readings(mapping, comparison, start, payloads_known)
@@ -32,14 +32,14 @@ def most_probable(mapping: Mapping, comparison: Comparison, payloads_known: bool
     free = replace(start, free=np.ones(comparison.robot.n, bool))
     shapes = Readings(mapping, comparison, free, payloads_known)
     shape = _lowest(shapes, shapes.begin)
-    other = Model(shape.moves, replace(shape.reading, free=start.free))
+    other = Found(shape.moves, replace(shape.reading, free=start.free))
     other = _lowest(problem, other)
     return problem, min(found, other, key=lambda model: problem.score(model).total)
 
 
-def _lowest(problem: Readings, start: Model) -> Model:
+def _lowest(problem: Readings, start: Found) -> Found:
     """The most probable of the readings to which the search comes, if it explains the torques."""
-    seen: list[Model] = []
+    seen: list[Found] = []
     seen.append(Search(problem, seen.append).run(start))
     explaining = [model for model in seen if problem.explains(model)]
     return min([problem.begin, *explaining], key=lambda model: problem.score(model).total)
@@ -53,7 +53,7 @@ def check_torques(mapping: Mapping, comparison: Comparison, payloads_known: bool
     now, found = comparison.stated, list[Issue]()
     for move in best.moves:
         alike = problem.alike(best, move)
-        told: Move | None = move
+        told: Fault | None = move
         if move.values.get("converted"):  # only friction is coupled: nothing is wrong with the columns
             plain = [other for other in alike if other.kind == "coupling" and not other.values["converted"]]
             told, alike = (plain[0], [move]) if plain else (None, [])
@@ -63,7 +63,7 @@ def check_torques(mapping: Mapping, comparison: Comparison, payloads_known: bool
     return found + unexplained(mapping, comparison, best, {joint for one in found for joint in one.joints})
 
 
-def unexplained(mapping: Mapping, comparison: Comparison, best: Model, known: set[str]) -> list[Issue]:
+def unexplained(mapping: Mapping, comparison: Comparison, best: Found, known: set[str]) -> list[Issue]:
     """Joints whose torque the masses do not explain whatever is wrong."""
     poor = {}
     for joint, fit in zip(mapping.names, comparison.fits(best.reading), strict=True):
@@ -75,7 +75,12 @@ def unexplained(mapping: Mapping, comparison: Comparison, best: Model, known: se
 
 
 def _issue(
-    mapping: Mapping, comparison: Comparison, now: Reading, move: Move, alike: list[Move], best: Model
+    mapping: Mapping,
+    comparison: Comparison,
+    now: Reading,
+    move: Fault,
+    alike: list[Fault],
+    best: Found,
 ) -> Issue:
     """The issue that a move resolves."""
     names = mapping.names
@@ -100,7 +105,7 @@ def _issue(
     return replace(issue, values={**issue.values, **facts}, alike=tuple(others))
 
 
-def _of(mapping: Mapping, move: Move, severity: Severity) -> Issue:
+def _of(mapping: Mapping, move: Fault, severity: Severity) -> Issue:
     """A move's facts; what it knows of joints, by their names."""
     names = mapping.names
 
@@ -113,7 +118,7 @@ def _of(mapping: Mapping, move: Move, severity: Severity) -> Issue:
     return Issue(kind, severity, joints, move.signal, values, move.fixes, move.proposals)
 
 
-def _supported(comparison: Comparison, now: Reading, move: Move) -> bool:
+def _supported(comparison: Comparison, now: Reading, move: Fault) -> bool:
     """Whether more than the shape of one joint's torque speaks for a move.
 
     That is several joints' torques, friction or inertia below zero otherwise, the joints' range, or a size

@@ -30,7 +30,6 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from flexviz.base.errors import InputError
-from flexviz.content.wording import issue_text
 from flexviz.data.importing import formats, import_logs, inspect_logs
 from flexviz.data.logs.formats import find_logs, open_log
 from flexviz.data.logs.formats.base import Log, LogFormat, LogTable, ReadOptions
@@ -48,7 +47,7 @@ def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
 def imported(mapping: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, θ and τ of the first group of the set that an import writes."""
     done = import_logs(mapping, mapping.parent / "set")
-    assert done.folder is not None, [issue_text(s) for s in done.issues]
+    assert done.folder is not None, done.issues
     group = read_set(done.folder).groups[0]
     assert len(group.segments) == 1
     return group.time, group.segments[0].theta, group.segments[0].tau

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.base.arrays import Array
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.conversions import GEARS, ColumnChange, theta_changes
-from flexviz.data.logs.mapping import Fix
+from flexviz.data.logs import GEARS, ColumnChange, Fix, theta_changes
 
 TRIED = 12  # scales between the smallest and the largest gear, of θ that no unit explains
 HALVINGS = 6  # of the ratio of two of them, to 1 % of the scale
@@ -24,7 +23,7 @@ def scaled(by: Array) -> Callable[[Reading], Reading]:
 
 
 @hypothesis
-def angle_units(case: Case) -> Iterator[Move]:
+def angle_units(case: Case) -> Iterator[Fault]:
     comparison, now, names = case.comparison, case.now, case.mapping.names
     by_label: dict[str, dict[int, ColumnChange]] = {}
     for j, joint in enumerate(names):
@@ -35,7 +34,7 @@ def angle_units(case: Case) -> Iterator[Move]:
     if joints := tuple(int(j) for j in np.flatnonzero(by_q)):
         ratios = {j: float(abs(comparison.by_q[j])) for j in joints}
         factor = case.at(joints, 1.0 / np.maximum(np.abs(comparison.by_q * now.factor), 1e-300))
-        yield Move("unit", joints, "theta", scaled(factor), "q", values={"times_q": ratios})
+        yield Fault("unit", joints, "theta", scaled(factor), "q", values={"times_q": ratios})
     if far := tuple(int(j) for j in np.flatnonzero(beyond & (comparison.by_q == 0.0))):
         yield _unknown_scale(case, far)
     for label, members in by_label.items():
@@ -51,7 +50,7 @@ def angle_units(case: Case) -> Iterator[Move]:
             ):
                 continue
             fixes = tuple(fix for change in group.values() for fix in change.fixes)
-            yield Move("unit", tuple(group), "theta", scaled(factor), label, fixes)
+            yield Fault("unit", tuple(group), "theta", scaled(factor), label, fixes)
 
 
 def _unknown_ratios(by_q: Array, by_label: Mapping[str, Mapping[int, ColumnChange]]) -> Array:
@@ -64,7 +63,7 @@ def _unknown_ratios(by_q: Array, by_label: Mapping[str, Mapping[int, ColumnChang
     return by_q
 
 
-def _unknown_scale(case: Case, joints: tuple[int, ...]) -> Move:
+def _unknown_scale(case: Case, joints: tuple[int, ...]) -> Fault:
     """θ of joints that leave their range: the scales that explain the torques best.
 
     It may be the motor's angle before an unknown gear, or be in per cent of the joint's range.
@@ -89,11 +88,11 @@ def _unknown_scale(case: Case, joints: tuple[int, ...]) -> Move:
     sizes = {j: float(abs(best[j] * columns[j].scale(columns[j].theta))) for j in joints}
     gears = {j: float(abs(1 / best[j])) for j in joints}
     values = {"unit_sizes": sizes, "gears": gears}
-    return Move("unit", joints, "theta", scaled(best), "scale", prior=float(prior), values=values)
+    return Fault("unit", joints, "theta", scaled(best), "scale", prior=float(prior), values=values)
 
 
 @hypothesis
-def unused_gears(case: Case) -> Iterator[Move]:
+def unused_gears(case: Case) -> Iterator[Fault]:
     """θ and τ of the motors, where a gear is stated and neither is said to be before it."""
     unused = tuple(j for j in case.every if _gear_unused(case, j))
     if not unused:
@@ -105,7 +104,7 @@ def unused_gears(case: Case) -> Iterator[Move]:
         return replace(now, factor=now.factor / ratios, size=now.size * ratios)
 
     fixes = tuple(Fix(names[j], signal, "side", "motor") for j in unused for signal in ("theta", "tau"))
-    yield Move("unit", unused, "theta and tau", behind, "side", fixes)
+    yield Fault("unit", unused, "theta and tau", behind, "side", fixes)
 
 
 def _gear_unused(case: Case, j: int) -> bool:

@@ -9,14 +9,14 @@ from itertools import pairwise, product
 import numpy as np
 
 from flexviz.base.arrays import Array
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 
 WRIST = 3  # last joints, of which neighbours may be coupled
 
 
 @hypothesis
-def couplings(case: Case) -> Iterator[Move]:
+def couplings(case: Case) -> Iterator[Fault]:
     if case.now.drive is not None:
         return
     names = case.mapping.names
@@ -39,4 +39,4 @@ def couplings(case: Case) -> Iterator[Move]:
                 return replace(now, drive=drive, theta_too=too, converted=converted)
 
             name = f"{turned}{ratio}{theta_too}{converted}"
-            yield Move("coupling", pair, "tau", coupled, name, values=values | {"converted": converted})
+            yield Fault("coupling", pair, "tau", coupled, name, values=values | {"converted": converted})

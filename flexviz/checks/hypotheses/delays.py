@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 
 LATE = (2e-3, 4e-3, 8e-3, 12e-3, 16e-3, 24e-3, 32e-3)  # [s] that are tried
 
 
 @hypothesis
-def delays(case: Case) -> Iterator[Move]:
+def delays(case: Case) -> Iterator[Fault]:
     if np.count_nonzero(case.now.late == 0.0) < 2:
         return
     for j in case.every:
@@ -27,7 +27,7 @@ def delays(case: Case) -> Iterator[Move]:
             return _late(case, now, j, late)
 
         prior = float(-np.log(len(LATE)))
-        yield Move("delay", (j,), "tau", moved, prior=prior, values={"delay": late})
+        yield Fault("delay", (j,), "tau", moved, prior=prior, values={"delay": late})
 
 
 def _late(case: Case, now: Reading, j: int, late: float) -> Reading:

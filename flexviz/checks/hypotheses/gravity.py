@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 
 
 @hypothesis
-def gravity(case: Case) -> Iterator[Move]:
+def gravity(case: Case) -> Iterator[Fault]:
     if not (case.now.gravity and case.now.motion):
         return
 
-    def move(name: str, **lacking: bool) -> Move:
+    def move(name: str, **lacking: bool) -> Fault:
         values = {"lacks": tuple(lacking)}
-        return Move("gravity", case.every, "tau", lambda now: replace(now, **lacking), name, values=values)  # type: ignore[arg-type]
+        return Fault("gravity", case.every, "tau", lambda now: replace(now, **lacking), name, values=values)  # type: ignore[arg-type]
 
     yield move("none", gravity=False, load=False)
     if any(case.now.bodies):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 
 
 @hypothesis
-def magnitudes(case: Case) -> Iterator[Move]:
+def magnitudes(case: Case) -> Iterator[Fault]:
     if case.comparison.one_sided.all():
-        yield Move("magnitude", case.every, "tau", lambda now: replace(now, magnitude=True))
+        yield Fault("magnitude", case.every, "tau", lambda now: replace(now, magnitude=True))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
-from flexviz.data.logs.proposals import Proposal
+from flexviz.data.logs import Proposal
 from flexviz.robot.mounting import DIRECTIONS
 
 
 @hypothesis
-def mountings(case: Case) -> Iterator[Move]:
+def mountings(case: Case) -> Iterator[Fault]:
     for down in DIRECTIONS.values():
         if down == case.now.down:
             continue
@@ -21,4 +21,4 @@ def mountings(case: Case) -> Iterator[Move]:
             return replace(now, down=down)
 
         stated = (Proposal((), "gravity", list(down)),)
-        yield Move("mounting", case.every, "robot", mounted, f"{down}", proposals=stated)
+        yield Fault("mounting", case.every, "robot", mounted, f"{down}", proposals=stated)

@@ -8,7 +8,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
 
@@ -18,7 +18,7 @@ ARM = 7  # joints, of which all pairs and triples are tried
 
 
 @hypothesis
-def orders(case: Case) -> Iterator[Move]:
+def orders(case: Case) -> Iterator[Fault]:
     """Every order of few joints; of more ones the usual ones.
 
     These are exchanged pairs, three in a circle, all shifted by some, reversed, and in alphabetical order, as
@@ -37,8 +37,8 @@ def orders(case: Case) -> Iterator[Move]:
             return replace(now, theta_order=theta, tau_order=tuple(now.tau_order[k] for k in order))
 
         name, values = ",".join(map(str, order)), {"order": tuple(names[k] for k in order)}
-        yield Move("order", changed, "tau", of_tau, name, values=values)
-        yield Move("order", changed, "theta and tau", of_both, name, values=values)
+        yield Fault("order", changed, "tau", of_tau, name, values=values)
+        yield Fault("order", changed, "theta and tau", of_both, name, values=values)
 
 
 def _tried(case: Case) -> set[Order]:

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.robot.robot import PayloadBody
 
@@ -18,7 +18,7 @@ POINT = np.zeros(6)  # [kg m²] inertia of a small body
 
 
 @hypothesis
-def exchanged(case: Case) -> Iterator[Move]:
+def exchanged(case: Case) -> Iterator[Fault]:
     if not case.payloads_known:
         return
     stated, names, seen = case.now.bodies, case.comparison.names, set()
@@ -35,11 +35,11 @@ def exchanged(case: Case) -> Iterator[Move]:
             return replace(now, bodies=bodies)
 
         values = {"groups": (names[one], names[other])}
-        yield Move("payload", case.every, "payloads", carried, f"{one},{other}", values=values)
+        yield Fault("payload", case.every, "payloads", carried, f"{one},{other}", values=values)
 
 
 @hypothesis
-def forgotten(case: Case) -> Iterator[Move]:
+def forgotten(case: Case) -> Iterator[Fault]:
     """A mass at the last link of one group that is not stated: the size that explains most.
 
     One that all groups carry is like another mass of the link itself, and is identified with it.
@@ -54,7 +54,7 @@ def forgotten(case: Case) -> Iterator[Move]:
             return _carrying(case, now, mass, g)
 
         values, prior = {"groups": (name,), "mass": mass}, float(-np.log(TRIED))
-        yield Move("payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,))
+        yield Fault("payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,))
 
 
 def _likely_mass(case: Case, group: int) -> float:
@@ -80,7 +80,7 @@ def _carrying(case: Case, now: Reading, mass: float, group: int) -> Reading:
 
 
 def _at_the_end(case: Case, mass: float) -> PayloadBody:
-    """A small body at the last link: where a stated payload of that link is, else at the link's own origin."""
+    """A small body at the last link: where a stated payload is, else at the link's origin."""
     link = case.comparison.robot.links[-1]
     known = [body for bodies in case.now.bodies for body in bodies]
     if known:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.mapping import Fix
+from flexviz.data.logs import Fix
 
 
 @hypothesis
-def signs(case: Case) -> Iterator[Move]:
+def signs(case: Case) -> Iterator[Fault]:
     names = case.mapping.names
     for joints in case.groups_of_joints:
         minus = case.at(joints, -1.0)
@@ -37,6 +37,6 @@ def signs(case: Case) -> Iterator[Move]:
             return replace(turned, sign=now.sign * minus)
 
         rarer = float(np.log(LIMITS.rarer))
-        yield Move("sign", joints, "tau", of_tau, fixes=tau)
-        yield Move("sign", joints, "theta", of_theta, fixes=theta, prior=rarer)
-        yield Move("sign", joints, "theta and tau", of_both, fixes=theta + tau, prior=rarer)
+        yield Fault("sign", joints, "tau", of_tau, fixes=tau)
+        yield Fault("sign", joints, "theta", of_theta, fixes=theta, prior=rarer)
+        yield Fault("sign", joints, "theta and tau", of_both, fixes=theta + tau, prior=rarer)

@@ -9,12 +9,10 @@ from itertools import product
 import numpy as np
 
 from flexviz.base.arrays import Array
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.column_names import CURRENT
-from flexviz.data.logs.conversions import ColumnChange, change_of, conversions
-from flexviz.data.logs.mapping import Mapping
+from flexviz.data.logs import CURRENT, ColumnChange, Mapping, change_of, conversions
 
 
 def resized(by: Array) -> Callable[[Reading], Reading]:
@@ -23,7 +21,7 @@ def resized(by: Array) -> Callable[[Reading], Reading]:
 
 
 @hypothesis
-def torque_units(case: Case) -> Iterator[Move]:
+def torque_units(case: Case) -> Iterator[Fault]:
     if case.now.free.all():  # the size of τ is not known
         return
     n = len(case.every)
@@ -38,7 +36,7 @@ def torque_units(case: Case) -> Iterator[Move]:
                 by[list(joints)] = [known[j][label].factor for j in joints]
                 prior = (len(fixes[0]) - 1) * np.log(LIMITS.rarer)
                 values = {"slopes": own, "factors": {j: float(1 / abs(by[j])) for j in joints}}
-                yield Move(
+                yield Fault(
                     "size", joints, "tau", resized(by), label, sum(fixes, ()), prior=prior, values=values
                 )
         # the mean of their slopes
@@ -47,7 +45,7 @@ def torque_units(case: Case) -> Iterator[Move]:
         gears = {j: case.mapping.joints[case.mapping.names[j]].ratio for j in joints}
         values = {"slopes": own, "stated_gears": gears}
         by = case.at(joints, 1.0 / factor)
-        yield Move("size", joints, "tau", resized(by), "any", prior=unknown, values=values)
+        yield Fault("size", joints, "tau", resized(by), "any", prior=unknown, values=values)
 
 
 def torque_changes(mapping: Mapping, joint: str) -> dict[str, ColumnChange]:

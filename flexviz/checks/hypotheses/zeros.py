@@ -8,14 +8,14 @@ from itertools import product
 
 import numpy as np
 
-from flexviz.checks.moves import Case, Move, hypothesis
+from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.mapping import Fix
+from flexviz.data.logs import Fix
 
 
 @hypothesis
-def zeros(case: Case) -> Iterator[Move]:
+def zeros(case: Case) -> Iterator[Fault]:
     robot, now = case.comparison.robot, case.now
     recorded = np.concatenate(case.comparison.q)[:, list(now.theta_order)]
     for j, quarter in product(map(int, np.flatnonzero(~robot.prismatic)), (1, -1, 2)):
@@ -33,4 +33,4 @@ def zeros(case: Case) -> Iterator[Move]:
             return replace(reading, zero=reading.zero + by)
 
         fix = Fix(joint, "theta", "offset", offset)
-        yield Move("zero", (j,), "theta", moved, f"{quarter}", (fix,))
+        yield Fault("zero", (j,), "theta", moved, f"{quarter}", (fix,))

@@ -57,15 +57,8 @@ from flexviz.content.wording.findings import (
     where_text,
 )
 from flexviz.content.wording.glossary import GLOSSARY, Term, with_terms
-from flexviz.content.wording.issues import (
-    general,
-    issue_message,
-    issue_text,
-    keys_text,
-    no_torque_text,
-    saturated_text,
-    says,
-)
+from flexviz.content.wording.issue_kinds import no_torque_text, saturated_text
+from flexviz.content.wording.issues import general, issue_message, issue_text, keys_text, says
 from flexviz.content.wording.merging import (
     LIKELY,
     Families,

@@ -15,9 +15,18 @@ from flexviz.data.importing.editing import (
 from flexviz.data.importing.importing import Imported, import_logs
 from flexviz.data.importing.inspecting import Inspection, inspect_logs
 from flexviz.data.importing.previewing import ColumnPreview, LogPreview, preview, readable
-from flexviz.data.logs.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE
-from flexviz.data.logs.mapping import Fix, Mapping, read_mapping
-from flexviz.data.logs.proposals import Proposal
+from flexviz.data.logs import (
+    ANGLE,
+    CURRENT,
+    FORCE,
+    LENGTH,
+    TIME,
+    TORQUE,
+    Fix,
+    Mapping,
+    Proposal,
+    read_mapping,
+)
 
 __all__ = [
     "ANGLE",

@@ -10,9 +10,7 @@ import numpy as np
 
 from flexviz.checks import Issue, check_groups
 from flexviz.data.importing.samples import SPOILT, check_samples, without_stretches
-from flexviz.data.logs.assembling import AssembledGroup
-from flexviz.data.logs.mapping import Mapping
-from flexviz.data.logs.proposals import Proposal
+from flexviz.data.logs import AssembledGroup, Mapping, Proposal
 from flexviz.data.measurements import (
     Segment,
     TorqueRun,

@@ -19,8 +19,7 @@ from flexviz.base.errors import FlexvizError
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback
 from flexviz.base.statistics import NORMAL_95
 from flexviz.checks import Issue
-from flexviz.data.logs.assembling import Trace, Traces
-from flexviz.data.logs.formats.base import SHORTEST
+from flexviz.data.logs import SHORTEST, Trace, Traces
 from flexviz.data.measurements import Array, Group, MeasurementSet
 
 BAND = 8.0  # [Hz] both sides are compared below this

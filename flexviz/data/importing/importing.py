@@ -12,7 +12,7 @@ import numpy as np
 from flexviz.base.errors import InputError
 from flexviz.base.files import named_errors, temporary_folder, whole_folder
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
-from flexviz.checks import Issue, sample_motion, wrong_time_unit
+from flexviz.checks import Issue
 from flexviz.content.wording import issue_message
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import (
@@ -23,11 +23,18 @@ from flexviz.data.importing.delays import (
     torque_delay,
 )
 from flexviz.data.importing.samples import SPOILT
-from flexviz.data.logs.assembling import AssembledGroup, assemble
-from flexviz.data.logs.formats import LogSource, open_run
-from flexviz.data.logs.formats.base import ReadOptions, check_stop
-from flexviz.data.logs.mapping import Mapping, parse, read_mapping
-from flexviz.data.logs.proposals import proposed
+from flexviz.data.logs import (
+    AssembledGroup,
+    LogSource,
+    Mapping,
+    ReadOptions,
+    assemble,
+    check_stop,
+    open_run,
+    parse_mapping,
+    proposed,
+    read_mapping,
+)
 from flexviz.data.measurements import (
     GroupTable,
     MeasurementSet,
@@ -36,7 +43,9 @@ from flexviz.data.measurements import (
     read_robot,
     read_set,
     robot_files,
+    sample_motion,
     write_set,
+    wrong_time_unit,
 )
 from flexviz.model.equation import behind_gear
 from flexviz.robot.robot import PayloadBody, Robot
@@ -183,7 +192,7 @@ def read_and_check(
         mended += [text for text in keys if text not in mended]
         document = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
         document = proposed(document, (proposal for issue in found for proposal in issue.proposals))
-        mapping = parse(document, file).for_joints(robot.prismatic, file)
+        mapping = parse_mapping(document, file).for_joints(robot.prismatic, file)
         robot = robot.mounted(mapping.gravity or robot.gravity)
     return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]
 

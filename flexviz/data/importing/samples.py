@@ -9,12 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.base.arrays import Bools
-from flexviz.checks import Issue, Severity, likely_limits
-from flexviz.data.logs.assembling import AssembledGroup
-from flexviz.data.logs.formats.base import SHORTEST
-from flexviz.data.logs.mapping import NEEDED, Mapping
-from flexviz.data.logs.proposals import Proposal
-from flexviz.data.measurements import OPTIONAL_SIGNALS, GroupTable, Segment, pieces
+from flexviz.checks import Issue, Severity
+from flexviz.data.logs import NEEDED, SHORTEST, AssembledGroup, Mapping, Proposal
+from flexviz.data.measurements import OPTIONAL_SIGNALS, GroupTable, Segment, likely_limits, pieces
 from flexviz.data.noise import (
     Channel,
     GroupSamples,

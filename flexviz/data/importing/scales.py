@@ -10,9 +10,7 @@ from flexviz.base.statistics import NORMAL_95
 from flexviz.checks import LIMITS
 from flexviz.data.importing.delays import fit_filtered, low_pass
 from flexviz.data.importing.draft import Draft, DraftJoint
-from flexviz.data.logs.column_names import ANGLE
-from flexviz.data.logs.conversions import GEARS
-from flexviz.data.logs.joint_parts import JointPart, followed, joint_parts
+from flexviz.data.logs import ANGLE, GEARS, JointPart, followed, joint_parts
 from flexviz.data.measurements import GroupTable
 from flexviz.robot.robot import Robot
 

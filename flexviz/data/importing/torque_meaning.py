@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.data.importing.draft import Draft, Questions
-from flexviz.data.logs.columns import ColumnFamily
-from flexviz.data.logs.formats.base import Log
+from flexviz.data.logs import ColumnFamily, Log
 from flexviz.robot.robot import Robot
 
 VAGUE = ("effort", "load")  # words that name no quantity

@@ -10,7 +10,6 @@ import typer
 
 from flexviz.base.errors import InputError
 from flexviz.base.files import write_file
-from flexviz.content.wording import issue_text
 from flexviz.outlets.terminal import terminal
 from flexviz.outlets.terminal.options import FormatOption, GravityOption, JsonOption, stated_gravity
 
@@ -113,6 +112,8 @@ def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) ->
     draft, text = inspection.draft, inspection.draft.text(file)
     if file is not None:
         write_file(file, text)
+    from flexviz.content.wording import issue_text
+
     terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {issue_text(s)}" for s in inspection.issues)])
     if file is None and (draft.missing or checked_only):
         print(text, end="")
@@ -137,6 +138,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     """Summary of an import, as lines of text."""
     import numpy as np
 
+    from flexviz.content.wording import issue_text
     from flexviz.data.measurements import bridge, pieces
 
     lines = []

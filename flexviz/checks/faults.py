@@ -15,16 +15,15 @@ import numpy as np
 from flexviz.base.arrays import Array
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
-from flexviz.data.logs.mapping import Fix
-from flexviz.data.logs.mapping import Mapping as LogMapping
-from flexviz.data.logs.proposals import Proposal
+from flexviz.data.logs import Fix, Proposal
+from flexviz.data.logs import Mapping as LogMapping
 
 if TYPE_CHECKING:
     from flexviz.checks.rigid import Comparison
 
 
 @dataclass(frozen=True, eq=False)
-class Move:
+class Fault:
     """One thing that may be wrong.
 
     Attributes:
@@ -60,7 +59,7 @@ class Move:
         """What distinguishes it from others."""
         return self.kind, self.joints, self.signal, self.name
 
-    def excludes(self, other: Move) -> bool:
+    def excludes(self, other: Fault) -> bool:
         """Whether both cannot be wrong: they are of one kind and signal, at a common place."""
         same = self.kind == other.kind and self.signal == other.signal
         meet = not (self.groups and other.groups) or bool(set(self.groups) & set(other.groups))
@@ -98,7 +97,7 @@ class Case:
         return np.where(np.isin(self.every, joints), value, otherwise)
 
 
-Hypothesis = Callable[[Case], Iterator[Move]]
+Hypothesis = Callable[[Case], Iterator[Fault]]
 HYPOTHESES: dict[str, Hypothesis] = {}
 
 
@@ -108,7 +107,7 @@ def hypothesis(function: Hypothesis) -> Hypothesis:
     return function
 
 
-def moves(case: Case) -> list[Move]:
+def moves(case: Case) -> list[Fault]:
     """Everything that may be wrong apart from what the reading changes already."""
     if case.now.magnitude:  # the masses' own sign would agree with any of them
         return []
@@ -121,7 +120,7 @@ def moves(case: Case) -> list[Move]:
     return found
 
 
-def together(moved: Sequence[Move], start: Reading) -> Reading:
+def together(moved: Sequence[Fault], start: Reading) -> Reading:
     """The reading with several moves."""
     for move in moved:
         start = move.change(start)
