@@ -8,8 +8,15 @@ from flexviz.checks.columns import check_optional_columns
 from flexviz.checks.faults import HYPOTHESES, Case, Fault, hypothesis
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue, Severity
+from flexviz.checks.references import check_references
 from flexviz.checks.rigid import Comparison, LoadedTable
-from flexviz.checks.sets import issues_of_set, plausibility_warnings, with_plausibility_warnings
+from flexviz.checks.sets import (
+    contradictions,
+    issues_of_set,
+    plausibility_warnings,
+    recording_entries,
+    with_plausibility_warnings,
+)
 from flexviz.checks.thresholds import LIMITS
 
 __all__ = [
@@ -23,9 +30,12 @@ __all__ = [
     "Severity",
     "check_groups",
     "check_optional_columns",
+    "check_references",
+    "contradictions",
     "hypotheses",
     "hypothesis",
     "issues_of_set",
     "plausibility_warnings",
+    "recording_entries",
     "with_plausibility_warnings",
 ]

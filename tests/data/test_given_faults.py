@@ -34,10 +34,26 @@ def order_issue(issues: tuple[Issue, ...] | list[Issue]) -> Issue:
 
 
 def test_three_permuted_columns() -> None:
-    issue = order_issue(import_logs(place("06-three-columns-permuted") / "map.toml", None).issues)
+    """The second log carried a payload, which its mapping does not state: that is told, too."""
+    found = import_logs(place("06-three-columns-permuted") / "map.toml", None).issues
+    issue = order_issue([one for one in found if one.kind == "order"])
     assert issue.joints == ("shoulder_yaw", "shoulder_pitch", "elbow") and issue.signal == "theta and tau"
     # the columns hold elbow, yaw, pitch
-    assert "in the order shoulder_pitch, elbow, shoulder_yaw" in issue_message(issue)
+    assert issue.values["order"] == ("shoulder_pitch", "elbow", "shoulder_yaw")
+    (other,) = (one for one in found if one is not issue)
+    assert (other.kind, other.severity, other.values["groups"]) == ("payload", "odd", ("t2p2",))
+
+
+def test_an_angle_in_per_cent_of_the_range() -> None:
+    (issue,) = import_logs(place("27-positions-in-percent") / "map.toml", None).issues
+    assert (issue.kind, issue.severity) == ("unit", "wrong") and issue.values["per_cent"]
+    assert [(fix.key, fix.value) for fix in issue.fixes] == [("unit", 0.031)] * 2
+
+
+def test_a_reference_is_no_measured_angle() -> None:
+    (issue,) = import_logs(place("20-reference-logged-as-position") / "map.toml", None).issues
+    assert (issue.kind, issue.joints) == ("reference", ("joint1", "joint2"))
+    assert max(issue.values["noise"].values()) < 5e-8  # [rad]
 
 
 @pytest.mark.parametrize(("name", "signals"), [("joint", "theta and tau"), slow("tau", "tau")])

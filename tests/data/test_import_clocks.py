@@ -55,7 +55,7 @@ def test_offset_of_the_link_clock(tmp_path: Path, late: float) -> None:
     assert (q is None) == (late == 40.0)
     assert any("covers 0 %" in note for note in done.groups[0].notes) == (late == 40.0)
     if clock:  # what it says to write puts it right
-        value = clock[0].message.rsplit('shift."/joint_states" = ', 1)[1].split()[0]
+        value = clock[0].values["shift"]
         done = shifted = run(
             tmp_path,
             motor_messages(DATA) + link_messages(DATA, late=late),

@@ -30,7 +30,8 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from flexviz.base.errors import InputError
-from flexviz.data.importing import formats, import_logs, inspect_logs
+from flexviz.data.importing import import_logs, inspect_logs
+from flexviz.data.logs import formats
 from flexviz.data.logs.formats import find_logs, open_log
 from flexviz.data.logs.formats.base import Log, LogFormat, LogTable, ReadOptions
 from flexviz.data.measurements import read_set

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,16 @@ import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
 from flexviz.base.errors import Cancelled
-from flexviz.checks import Issue, LoadedTable, check_groups, with_plausibility_warnings
+from flexviz.checks import (
+    Case,
+    Fault,
+    Issue,
+    LoadedTable,
+    check_groups,
+    issues_of_set,
+    with_plausibility_warnings,
+)
+from flexviz.checks.reading import Reading
 from flexviz.content.wording import issue_message, issue_text
 from flexviz.data.importing import import_logs
 from flexviz.data.importing.delays import delay_issues, torque_delay
@@ -71,7 +80,7 @@ def found(groups: Sequence[LoadedTable], **keys: Any) -> list[Issue]:
 
 def test_good_data_raise_none(demo: MeasurementSet) -> None:
     assert found(tables()) == []
-    groups = [((), GroupTable.of(g)) for g in demo.groups]
+    groups = [(g.bodies, GroupTable.of(g)) for g in demo.groups]
     assert check_groups(mapping_of(demo.joints), demo.robot, groups) == []
 
 
@@ -177,11 +186,17 @@ def test_gear_that_nobody_named() -> None:
     assert issue.values["gears"] == pytest.approx(dict.fromkeys(JOINTS, 300.0), rel=0.25)
 
 
-@pytest.mark.parametrize("size", [0.031, 0.05])
-def test_positions_in_per_cent_of_a_range_are_no_degrees(size: float) -> None:
-    (issue,) = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=1 / size)])
+def test_positions_in_no_known_unit() -> None:
+    (issue,) = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=1 / 0.005)])
     assert issue.signal == "theta" and issue.severity == "wrong" and not issue.fixes
-    assert issue.values["unit_sizes"] == pytest.approx(dict.fromkeys(JOINTS, size), rel=0.25)
+    assert issue.values["unit_sizes"] == pytest.approx(dict.fromkeys(JOINTS, 0.005), rel=0.25)
+
+
+def test_positions_in_per_cent_of_a_range_are_no_degrees() -> None:
+    sizes = (arm()[0].upper_limit - arm()[0].lower_limit) / 200
+    (issue,) = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=1 / sizes)])
+    assert issue.severity == "wrong" and issue.values["per_cent"]
+    assert [fix.value for fix in issue.fixes if fix.key == "unit"] == pytest.approx(list(sizes), rel=1e-4)
 
 
 def test_torques_without_their_sign() -> None:
@@ -388,3 +403,29 @@ IN_EVERY_RUN = ("2r-coulomb_friction", "2r-none-19", "2r-unknown", "panda-stribe
 def test_hidden_effects_raise_no_doubts(names: tuple[str, ...]) -> None:
     for name in names or sorted(path.name for path in PRACTICE.iterdir()):
         assert not with_plausibility_warnings(read_set(PRACTICE / name)).warnings, name
+
+
+def test_a_payload_that_one_group_carried_and_nobody_stated(demo: MeasurementSet) -> None:
+    carried = next(g for g in demo.groups if g.bodies)
+    groups = tuple(replace(g, bodies=()) if g is carried else g for g in demo.groups)
+    (issue,) = issues_of_set(replace(demo, groups=groups))
+    assert (issue.kind, issue.severity, issue.values["groups"]) == ("payload", "odd", (carried.name,))
+    assert issue.values["mass"] == pytest.approx(sum(body.mass for body in carried.bodies), rel=0.25)
+
+
+def test_a_kind_of_fault_is_one_file(monkeypatch: pytest.MonkeyPatch, demo: MeasurementSet) -> None:
+    """A new one is found, with words and remedy, without any other change."""
+
+    def halved(now: Reading) -> Reading:
+        return replace(now, size=2.0 * now.size)
+
+    def hypothesis_of_tests(case: Case) -> Iterator[Fault]:
+        yield Fault("summed_twice", case.every, "tau", halved)
+
+    monkeypatch.setattr("flexviz.checks.faults.HYPOTHESES", {"made up": hypothesis_of_tests})
+    groups = tuple(
+        replace(g, segments=tuple(replace(s, tau=0.5 * s.tau) for s in g.segments)) for g in demo.groups
+    )
+    (issue,) = issues_of_set(replace(demo, groups=groups))
+    assert issue.kind == "summed_twice" and issue.joints == demo.joints
+    assert "with summed twice the robot's masses explain" in issue_text(issue)

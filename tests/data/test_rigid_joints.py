@@ -12,8 +12,8 @@ from small_set import write_small_set
 from benchmarks.rigid_joints import make_case, rigid_outcome, spoilt, torque_outcome
 from flexviz import identify, read_set
 from flexviz.base.errors import InputError
+from flexviz.checks import Issue
 from flexviz.content.results import hints
-from flexviz.data.logs.mapping import Issue
 from flexviz.data.logs.proposals import Proposal, proposed
 from flexviz.data.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
 from flexviz.model.equation import Equation, build_signals, layout_of
@@ -140,5 +140,5 @@ def test_the_proposal_is_a_key_of_the_model() -> None:
     key = Proposal(("model",), "no_torque", ["j7"])
     assert str(key) == 'no_torque = ["j7"] in [model]'
     assert proposed({"logs": []}, [key])["model"] == {"no_torque": ["j7"]}
-    issue = Issue("no_torque", "odd", ("j7",), "tau", "why", proposals=(key,))
+    issue = Issue("no_torque", "odd", ("j7",), "tau", {"what": {"j7": {"values": (0.0,)}}}, proposals=(key,))
     assert issue.remedies == (key,)

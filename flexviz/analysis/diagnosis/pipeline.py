@@ -43,6 +43,7 @@ from flexviz.analysis.identification import (
 from flexviz.base.parallel import existing_objects_kept, stopped_by
 from flexviz.base.progress import ProgressCallback, StopCallback, never
 from flexviz.base.search import Tried
+from flexviz.checks import recording_entries
 from flexviz.content.records import CriterionNumbers, Decoys, DetectionLimit, Move, Note, Resolution, Verdict
 from flexviz.content.wording import SearchStage, listed, no_torque_text, saturated_text
 from flexviz.data.measurements import MeasurementSet, set_of, silent_joints
@@ -107,7 +108,8 @@ def diagnose(
         if progress is not None and not result.stopped:
             progress(course.pace.done())
         del course  # before what it leaves is collected
-    return replace(result, notes=(*result.notes, *notes))
+    recording = recording_entries(measurements, should_stop)
+    return replace(result, notes=(*result.notes, *notes), recording=recording)
 
 
 def _described(course: Course, apply: bool, guard: bool | None, free_curve: bool | None) -> Diagnosis:

@@ -35,6 +35,7 @@ from flexviz.analysis.motion import MotionFit, Phases
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.progress import ProgressCallback, StopCallback
+from flexviz.checks import recording_entries
 from flexviz.content.records import ResidualSummary
 from flexviz.content.wording import no_torque_text, normalised, saturated_text
 from flexviz.data.measurements import Group, MeasurementSet, set_of, silent_joints
@@ -104,7 +105,8 @@ def identify(
         message += f"; {silent}"
     if saturated := saturated_text(measurements.seen_limits, measurements.joints):
         message += f"; {saturated}"
-    return remember(replace(result, message=message, seconds=time.perf_counter() - began), measurements)
+    result = replace(result, message=message, recording=recording_entries(measurements, should_stop))
+    return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 
 
 def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:

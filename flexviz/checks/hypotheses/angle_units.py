@@ -14,6 +14,7 @@ from flexviz.checks.thresholds import LIMITS
 from flexviz.data.logs import GEARS, ColumnChange, Fix, theta_changes
 
 TRIED = 12  # scales between the smallest and the largest gear, of θ that no unit explains
+FULL, LEAST = 100.0, 10.0  # per cent of a range; less of all joints is hardly such a record
 HALVINGS = 6  # of the ratio of two of them, to 1 % of the scale
 
 
@@ -89,6 +90,32 @@ def _unknown_scale(case: Case, joints: tuple[int, ...]) -> Fault:
     gears = {j: float(abs(1 / best[j])) for j in joints}
     values = {"unit_sizes": sizes, "gears": gears}
     return Fault("unit", joints, "theta", scaled(best), "scale", prior=float(prior), values=values)
+
+
+@hypothesis
+def per_cent(case: Case) -> Iterator[Fault]:
+    """θ in per cent of the joints' ranges, −100 … 100, as servo buses' software has it."""
+    comparison, names = case.comparison, case.mapping.names
+    columns = [case.mapping.joints[name] for name in names]
+    scales = np.array([entry.scale(entry.theta) for entry in columns])
+    counts = np.max(np.abs(np.concatenate(comparison.q)), axis=0) / np.abs(scales)
+    robot = comparison.robot
+    limited = np.isfinite(robot.upper_limit) & np.isfinite(robot.lower_limit) & ~robot.prismatic
+    if not limited.all() or np.any(counts > FULL) or np.all(counts < LEAST):
+        return
+    sizes = (robot.upper_limit - robot.lower_limit) / (2 * FULL)
+    middle = (robot.upper_limit + robot.lower_limit) / 2
+    fixes = tuple(
+        Fix(name, "theta", key, round(float(value), 6))
+        for name, size, offset in zip(names, sizes, middle, strict=True)
+        for key, value in (("unit", size), ("offset", offset))
+        if key == "unit" or abs(offset) > LIMITS.model_error
+    )
+
+    def of_range(now: Reading) -> Reading:
+        return replace(now, factor=now.factor * sizes / np.abs(scales), zero=now.zero + middle)
+
+    yield Fault("unit", case.every, "theta", of_range, "per cent", fixes, values={"per_cent": True})
 
 
 @hypothesis

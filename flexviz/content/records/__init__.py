@@ -22,6 +22,7 @@ from flexviz.content.records.parameters import (
     ParameterEstimate,
     is_determined,
 )
+from flexviz.content.records.recording import RecordingEntry
 from flexviz.content.records.trace import Decoys, Move
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "NoteKind",
     "ObserverEntry",
     "ParameterEstimate",
+    "RecordingEntry",
     "ResidualLocation",
     "ResidualMap",
     "ResidualSummary",

@@ -25,6 +25,7 @@ from flexviz.content.records import (
     Note,
     ObserverEntry,
     ParameterEstimate,
+    RecordingEntry,
     ResidualLocation,
     ResidualMap,
     ResidualSummary,
@@ -43,10 +44,12 @@ class EveryResult:
     Attributes:
         stopped: whether the user stopped it; the result is what it had.
         link_side: what the link encoders show of the stiffness; empty without any.
+        recording: what the robot contradicts in the recording; mostly nothing.
     """
 
     stopped: bool = False
     link_side: Annotated[tuple[LinkSide, ...], Field(exclude_if=operator.not_)] = ()
+    recording: Annotated[tuple[RecordingEntry, ...], Field(exclude_if=operator.not_)] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -59,6 +59,8 @@ def _unit(issue: IssueLike) -> str:
             f"it turns {times} times as far as q: is that the motor's angle before a gear (gear = {gears}, "
             'side = "motor")?'
         )
+    if "per_cent" in values:
+        return f"it seems to be in per cent of the joints' ranges, −100 to 100: {general(issue)}"
     if "unit_sizes" in values:
         return _unknown_unit(issue)
     if "slopes" in values:
@@ -144,6 +146,15 @@ def _zero(issue: IssueLike) -> str:
     return (
         f"its mean is {issue.values['difference']:.3g} rad from that of theta, too far for a spring: another "
         "zero position?"
+    )
+
+
+@says("reference")
+def _reference(issue: IssueLike) -> str:
+    largest = max(issue.values["noise"].values())
+    return (
+        f"it has next to no noise ({number(largest, 2)} rad, less than any encoder's counts leave), but the "
+        "torque has: is it the commanded angle, or a computed one? Log the measured angle of the motor"
     )
 
 
