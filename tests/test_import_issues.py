@@ -382,7 +382,7 @@ def test_a_diagnosis_says_what_its_set_contradicts(
         raise Cancelled
 
     monkeypatch.setattr("flexviz.diagnosis.diagnose", begun)
-    options: dict[str, Any] = dict(guard=None, free_curve=False, draft_effect=None, json_file=None)
+    options: dict[str, Any] = dict(guard=None, free_curve=False, json_file=None)
     with caplog.at_level("WARNING"), pytest.raises(Cancelled):
         analysis.diagnose(folder, apply=False, decoys=False, **options)
 
