@@ -33,7 +33,7 @@ def review(
     port: int | None = typer.Option(None, metavar="P", help="Port of the page; default: 9090 or a free one."),
     browser: BrowserOption = True,
 ) -> int:
-    """Open a recording in Rerun's viewer, on this machine only; a truncated one is repaired first."""
+    """Open a recording in Rerun's viewer, on this machine only."""
     from flexviz.recording import ending_tidily
 
     terminal.check_output_file(out, ".rrd", named=True)
@@ -57,8 +57,8 @@ def review(
 
 
 def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
-    """The recording to open: checked, repaired if truncated, created from a session."""
-    from flexviz.recording import TruncatedRecording, check_recording, repair_recording
+    """The recording to open: checked, or created from a session."""
+    from flexviz.recording import check_recording
     from flexviz.session import is_session
 
     if is_session(source):
@@ -67,11 +67,7 @@ def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
         raise InputError(
             "neither a recording nor a session; `flexviz record` records a measurement set", file=source
         )
-    try:
-        checked = check_recording(source)
-    except TruncatedRecording as error:
-        checked = repair_recording(source)
-        say(f"{error}; the readable part is in {checked.file}")
+    checked = check_recording(source)
     confirmed = "matches" if checked.confirmed else "not available"
     say(f"{checked.file}: complete, {checked.chunks} chunks as in its footer; recorded SHA-256: {confirmed}")
     return checked.file

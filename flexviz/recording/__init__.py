@@ -1,14 +1,13 @@
-"""Recordings for the Rerun viewer: write, check, repair, compare, open. Only this package imports rerun."""
+"""Recordings for the Rerun viewer: write, check, compare, open. Only this package imports rerun."""
 
 from flexviz.errors import require_extra
 
 require_extra("rerun", "a recording")
 
 from flexviz.recording.comparing import compare_recordings, merge_recordings
-from flexviz.recording.files import repair_recording
 from flexviz.recording.live import LiveRecording
 from flexviz.recording.notebook import notebook_viewer
-from flexviz.recording.reading import Recorded, Recording, TruncatedRecording, check_recording, read_recording
+from flexviz.recording.reading import Recorded, Recording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
 from flexviz.recording.writing import RecordingFile, ending_tidily, record_session, record_set, recording_file
 
@@ -17,7 +16,6 @@ __all__ = [
     "Recorded",
     "Recording",
     "RecordingFile",
-    "TruncatedRecording",
     "check_recording",
     "compare_recordings",
     "ending_tidily",
@@ -28,7 +26,6 @@ __all__ = [
     "record_session",
     "record_set",
     "recording_file",
-    "repair_recording",
     "show_in_window",
     "web_viewer",
 ]

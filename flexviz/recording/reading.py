@@ -19,6 +19,10 @@ from flexviz.errors import InputError
 from flexviz.files import sha256_of
 
 TRUNCATED = ("no footer", "exceeds file size")  # in the reader's message on a truncated file
+CUT = (
+    "is truncated: the program that wrote it was killed, or the file was cut; "
+    "`python -m rerun rrd optimize {} -o {}` writes what can be read of it"
+)
 ROW = "rerun.controls.RowId"
 TEXT = "TextDocument:text"
 PROPERTIES = "/__properties/flexviz"
@@ -51,10 +55,6 @@ class Recorded:
     complete: bool = True
 
 
-class TruncatedRecording(InputError):
-    """A recording without its end: the program that wrote it was killed, or the file was cut."""
-
-
 def sidecar(file: Path) -> Path:
     """The recording's SHA-256 file, in the format of `sha256sum --check`."""
     return file.with_name(file.name + ".sha256")
@@ -69,8 +69,7 @@ def check_recording(path: str | Path, *, own: bool = False) -> Recorded:
     this program has just written it (`own`).
 
     Raises:
-        TruncatedRecording: the end is missing; `repair_recording` saves the rest.
-        InputError: damaged, empty, or not a recording.
+        InputError: truncated, damaged, empty, or not a recording.
     """
     file = Path(path)
     try:
@@ -109,9 +108,7 @@ def _read_errors(file: Path) -> Iterator[None]:
             raise  # a panic of the reader's Rust code is no Exception
         text = " ".join(str(error).split())
         if any(words in text for words in TRUNCATED):
-            raise TruncatedRecording(
-                "is truncated: the program that wrote it was killed, or the file was cut", file=file
-            ) from None
+            raise InputError(CUT.format(file, file.with_suffix(".whole.rrd")), file=file) from None
         raise InputError(f"is not a readable Rerun recording ({text})", file=file) from None
 
 
