@@ -68,7 +68,7 @@ LAYERS = (
     ("estimation",),
     ("laws", "motion"),
     ("identification",),
-    ("acceptance", "compensation"),
+    ("acceptance", "compensation", "comparing"),
     ("diagnosis",),
     ("simulation", "session", "importing"),
     ("designing",),

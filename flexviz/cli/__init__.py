@@ -18,13 +18,14 @@ import typer
 from flexviz import __version__
 from flexviz.cli.analysis import diagnose, identify, record, report
 from flexviz.cli.batch import batch, study
+from flexviz.cli.compare import compare
 from flexviz.cli.design import design
 from flexviz.cli.doctor import doctor
 from flexviz.cli.effects import effects
 from flexviz.cli.export import export
 from flexviz.cli.import_ import import_
 from flexviz.cli.options import with_shared_options
-from flexviz.cli.sessions import compare, session
+from flexviz.cli.sessions import session
 from flexviz.cli.simulate import simulate
 from flexviz.cli.verify import verify
 from flexviz.cli.viewing import review, serve

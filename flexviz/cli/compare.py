@@ -1,69 +1,150 @@
-"""`flexviz compare SET SET`: what a compensation removed between two recordings of a robot."""
+"""`flexviz compare A B …`: results of sets, sessions, result files or recordings side by side."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from flexviz.cli import terminal
+from flexviz.cli.options import JsonOption
 from flexviz.cli.terminal import Reporter, interruptible
+from flexviz.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from flexviz.comparing import ComparedFriction, KnownResults, ResultComparison
+    from flexviz.diagnosis import Diagnosis
+    from flexviz.measurements import MeasurementSet
 
-    from flexviz.compensation import CompensationComparison
-    from flexviz.results import ResultDocument
 
+def compare(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(metavar="A B…", help="Two or more sets, sessions, result files or recordings."),
+    ],
+    all_parameters: bool = typer.Option(
+        False, "--all", help="Also show single inertial parameters, which are seldom identifiable."
+    ),
+    json_file: JsonOption = None,
+) -> int:
+    """Compare results: effects, errors and parameters of sets, sessions, result files or recordings.
 
-def compare_sets(without: Path, compensated: Path, json_file: Path | None) -> int:
-    """Diagnose a set recorded without and one with compensation, and compare their friction."""
-    from flexviz.compensation import compare_friction
+    Sets are diagnosed first. Of two sets, the second recorded with a compensation of friction, also: what of
+    the friction is gone, per joint and speed, and what is left.
+    """
+    from flexviz import comparing
     from flexviz.diagnosis import diagnose
-    from flexviz.exporting import identified_robot
     from flexviz.measurements import read_set
 
-    found, models = [], []
-    with Reporter(f"reading {without}") as report, interruptible("nothing is compared") as should_stop:
-        sets = [read_set(path) for path in (without, compensated)]
-        for measurements in sets:
-            told = diagnose(measurements, apply=True, progress=report, should_stop=should_stop)
-            if told.stopped:
+    terminal.check_output_file(json_file, ".json")
+    if len(sources) < 2:
+        raise InputError("one result to compare, expected two or more", file=sources[0])
+    given = [known_results(source) or read_set(source) for source in sources]
+    known: list[KnownResults] = []
+    sets: list[tuple[MeasurementSet, Diagnosis]] = []
+    with Reporter("diagnosing") as report, interruptible("nothing is compared") as should_stop:
+        for one in given:
+            if isinstance(one, comparing.KnownResults):
+                known.append(one)
+                continue
+            diagnosis = diagnose(one, apply=True, progress=report, should_stop=should_stop)
+            if diagnosis.stopped:
                 return 130
-            found.append(told.document())
-            models.append(identified_robot(measurements, told).model)
-    compared = compare_friction(sets[0], *models)
-    console = terminal.results()
-    console.print(friction_by_speed(compared))
-    terminal.print_lines([*(one.text for one in compared.joints), *left(found[1])])
-    joints = [
-        asdict(one)
-        | {"removed": one.removed, "speeds": [asdict(s) | {"removed": s.removed} for s in one.speeds]}
-        for one in compared.joints
-    ]
-    names = {"without": sets[0].name, "compensated": sets[1].name}
-    document = {"format": 1, **names, "joints": joints, "left": found[1].to_dict()}
-    terminal.write_json(json_file, document)
+            sets.append((one, diagnosis))
+            known.append(of_set(one, diagnosis))
+    found = comparing.compare(known)
+    show(found, all_parameters)
+    friction = show_friction(*sets) if len(sets) == len(sources) == 2 else {}
+    terminal.write_json(json_file, found.to_dict() | friction)
     return 0
 
 
-def friction_by_speed(compared: CompensationComparison) -> Table:
-    """A row per joint and range of speed."""
-    from flexviz.results import plain_table
+def known_results(source: Path) -> KnownResults | None:
+    """The results in a session, a file or a recording; None of anything else, as a set."""
+    from flexviz.comparing import KnownResults
+    from flexviz.measurements import fingerprint
+    from flexviz.results import SUFFIXES, read_result
+    from flexviz.session import is_session, open_session
+
+    if is_session(source):
+        opened = open_session(source)
+        analysis, changed = opened.session.analysis, bool(opened.changed)
+        fit, diagnosis = analysis.identification, analysis.diagnosis
+        # of changed data nothing is up to date, which `changed` tells
+        return KnownResults(
+            opened.folder.resolve().name,
+            opened.measurements.name,
+            fit.document() if fit is not None and (analysis.up_to_date or changed) else None,
+            diagnosis.document()
+            if diagnosis is not None and (analysis.diagnosis_up_to_date or changed)
+            else None,
+            fingerprint(opened.measurements).sha256,
+            (*opened.measurements.effects, *analysis.effects),
+            opened.changed,
+        )
+    if source.suffix.lower() == ".rrd":
+        from flexviz.recording import check_recording, read_recording
+
+        return read_recording(check_recording(source).file).known
+    if source.suffix.lower() not in SUFFIXES:
+        return None
+    document = read_result(source)
+    fit, diagnosis = (document, None) if document.model is None else (None, document)
+    return KnownResults(source.name, document.set, fit, diagnosis, document.set_sha256 or "")
+
+
+def of_set(measurements: MeasurementSet, diagnosis: Diagnosis) -> KnownResults:
+    """What is compared of a set that has been diagnosed."""
+    from flexviz.comparing import KnownResults
+    from flexviz.measurements import fingerprint
+
+    sha256 = fingerprint(measurements).sha256
+    return KnownResults(measurements.name, measurements.name, None, diagnosis.document(), sha256)
+
+
+def show(found: ResultComparison, inertial: bool = False) -> None:
+    """Print the tables of a comparison, and what limits it."""
+    from flexviz.comparing import facts, numbers, remarks
+    from flexviz.results import in_ascii, plain_table
+
+    console = terminal.results()
+    for table in (facts(found), numbers(found, inertial)):
+        shown = plain_table()
+        for column, title in enumerate(table.head):
+            right = column in table.numbers
+            shown.add_column(title, justify="right" if right else "left", no_wrap=right, overflow="fold")
+        for row in table.rows:
+            shown.add_row(*map(in_ascii, row))
+        console.print(shown)
+    terminal.print_lines(remarks(found))
+
+
+def show_friction(before: tuple[MeasurementSet, Diagnosis], after: tuple[MeasurementSet, Diagnosis]) -> dict:
+    """Print what a compensation removed between two sets, and what is left; the same for JSON."""
+    from flexviz.comparing import compare_friction
+    from flexviz.results import parts, plain_table
     from flexviz.wording import number, percent
 
-    titles = ["speed", "without [Nm]", "compensated [Nm]", "removed"]
-    table = plain_table("joint", numbers=titles)
-    for one in compared.joints:
+    models = [diagnosis.model for _, diagnosis in (before, after)]
+    assert models[0] is not None and models[1] is not None
+    found = compare_friction(before[0], models[0], models[1])
+    table = plain_table("joint", numbers=["speed", "first [Nm]", "second [Nm]", "removed"])
+    for one in found:
         for speed in one.speeds:
-            before, after = number(speed.before, 3), number(speed.after, 3)
-            table.add_row(one.joint, speed.text, before, after, percent(speed.removed))
-    return table
+            first, second = number(speed.before, 3), number(speed.after, 3)
+            table.add_row(one.joint, speed.text, first, second, percent(speed.removed))
+    terminal.results().print(table)
+    left = after[1].document()
+    texts = [part for part in parts(left, 140) if isinstance(part, str)]
+    said = [*(one.text for one in found), "What is left, by the diagnosis of the second set:"]
+    terminal.print_lines([*said, *(f"  {text}" for text in texts)])
+    names = {"without": before[0].name, "compensated": after[0].name}
+    return names | {"joints": [friction_entry(one) for one in found], "left": left.to_dict()}
 
 
-def left(document: ResultDocument) -> list[str]:
-    """What the diagnosis of the compensated set says."""
-    from flexviz.results import parts
-
-    texts = [part for part in parts(document, 140) if isinstance(part, str)]
-    return ["What is left, by the diagnosis of the compensated set:", *(f"  {text}" for text in texts)]
+def friction_entry(one: ComparedFriction) -> dict[str, Any]:
+    """A joint's friction in JSON."""
+    speeds = [asdict(speed) | {"removed": speed.removed} for speed in one.speeds]
+    return asdict(one) | {"removed": one.removed, "speeds": speeds}

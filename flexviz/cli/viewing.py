@@ -34,7 +34,9 @@ def review(
     browser: BrowserOption = True,
 ) -> int:
     """Open a recording in Rerun's viewer, on this machine only."""
-    from flexviz.recording import ending_tidily
+    from flexviz.cli.compare import show as show_comparison
+    from flexviz.comparing import compare as compare_results
+    from flexviz.recording import ending_tidily, merge_recordings
 
     terminal.check_output_file(out, ".rrd", named=True)
     with temporary_folder("review") as temporary, ending_tidily():
@@ -50,7 +52,9 @@ def review(
             a, b = found
             if a is None or b is None:
                 raise InputError("only recordings of flexviz can be compared", file=files[a is not None])
-            files = [compared(a, b, out or temporary / "comparison.rrd")]
+            show_comparison(compare_results([a.known, b.known]))
+            files = [out or temporary / "comparison.rrd"]
+            merge_recordings(a, b, files[0])
         if not check:
             show(files, web, port, browser)
     return 0
@@ -122,23 +126,6 @@ def errors(result: dict[str, Any]) -> str:
             found = JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ()))
             told.append(f"{name} {'; '.join(found.whole(j) for j in range(len(rms)))}")
     return ", ".join(told)
-
-
-def compared(a: Recording, b: Recording, out: Path) -> Path:
-    """Print the differences of two recordings and merge them into one."""
-    from flexviz.recording import compare_recordings, merge_recordings
-
-    found = compare_recordings(a, b)
-    width = max(len(title) for title in found.facts)
-    for title, (first, second) in found.facts.items():
-        say(f"{title:{width}}  A: {first}   B: {second}")
-    for row in found.notable:
-        place = f" of {row.joint}" if row.joint else ""
-        first, second = (f"{value:.5g}" for value in row.values)
-        apart = f"{row.deviations:.3g} standard errors apart"
-        say(f"{row.name}{place}: A {first}, B {second} {row.unit}, {apart}")
-    merge_recordings(found, out)
-    return out
 
 
 def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -> None:

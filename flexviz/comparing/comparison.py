@@ -1,59 +1,86 @@
-"""Sessions side by side: parameters, errors, effects."""
+"""Results of sets, sessions, files or recordings side by side: every parameter that any of them has."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any
 
-from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
-from flexviz.identification import Identification
-from flexviz.measurements import fingerprint
+from flexviz.model import EffectValue
 from flexviz.records import ParameterEstimate
-from flexviz.session.loading import OpenedSession
+from flexviz.results import ResultDocument
 
-Source = Literal["identification", "diagnosis", ""]
-VALUES: tuple[Source, ...] = ("identification", "diagnosis")
-ERRORS: tuple[Source, ...] = ("diagnosis", "identification")
 Key = tuple[str, str | None, str | None, str | None]  # parameter; its joint, payload, group
+MARKED = 3.0  # [standard errors] larger differences are rarely chance, even among 100 parameters
+
+
+@dataclass(frozen=True, eq=False)
+class KnownResults:
+    """What one set, session, file or recording has: an identification, a diagnosis, or both of one model.
+
+    Attributes:
+        name: of the folder or file.
+        set_name, set_sha256: of the measurement set; "" where the hash is not known.
+        identification, diagnosis: None where there is none.
+        effects: of the model; None: those that the documents list.
+        changed: files that have changed since the results were computed.
+    """
+
+    name: str
+    set_name: str
+    identification: ResultDocument | None = None
+    diagnosis: ResultDocument | None = None
+    set_sha256: str = ""
+    effects: tuple[str, ...] | None = None
+    changed: tuple[str, ...] = ()
+
+    @property
+    def usable(self) -> dict[str, ResultDocument]:
+        """The results that have values, a fit before a diagnosis."""
+        both: dict[str, ResultDocument | None] = {
+            "identification": self.identification,
+            "diagnosis": self.diagnosis,
+        }
+        return {kind: one for kind, one in both.items() if one is not None and one.all_parameters}
 
 
 @dataclass(frozen=True)
-class SessionSummary:
-    """Final results of one session.
+class ResultSummary:
+    """What is compared of one result.
 
-    Parameters and errors come from the same result in all sessions if possible. Errors are in the same band,
-    whatever the observer.
+    Parameters and their errors come from the same kind of result everywhere if possible; errors are in one
+    band, whatever the observer.
     """
 
-    name: str  # of the folder
+    name: str
     set_name: str
-    set_sha256: str  # of its measurement set in the current state
-    changed: tuple[str, ...]  # files that have changed since the results were computed
-    verdict: str  # of the diagnosis of the current model; "" without one
-    effects: tuple[str, ...]  # of the model, those of the set first
-    observer: str  # of the identification; "" without one
+    set_sha256: str
+    changed: tuple[str, ...]
+    verdict: str  # on the model; "" without a diagnosis
+    effects: tuple[str, ...]
+    observer: str  # of the identification, as the next three; "" without one
+    tuning: str
+    groups: tuple[str, ...]  # that were fitted
     refined: bool
-    source: Source  # result that the parameters come from; "" for none
-    errors_from: Source
+    source: str  # kind of result that parameters and errors come from; "" for none
     joints: tuple[str, ...]
     rms: tuple[float, ...]  # one per joint [Nm], as the next two; empty if unknown
     rms_validation: tuple[float, ...]
     noise_floor: tuple[float, ...]
     torque_spread: tuple[float, ...]  # of the recorded torque; the errors are stated in per cent of it
     torque_units: tuple[str, ...]  # of each joint; empty if all are in Nm
-    parameters: dict[Key, ParameterEstimate]
+    parameters: Mapping[Key, ParameterEstimate]
 
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter in all sessions."""
+    """One parameter in all results."""
 
     key: Key
     unit: str
-    estimates: tuple[ParameterEstimate | None, ...]  # one per session; None if its model lacks it
+    estimates: tuple[ParameterEstimate | None, ...]  # one per result; None if its model lacks it
     deviations: float  # last minus first, in standard errors as if independent; NaN if unknown
 
     @property
@@ -65,30 +92,36 @@ class ParameterRow:
         """Joint, payload and group."""
         return ", ".join(part for part in self.key[1:] if part)
 
+    @property
+    def differs(self) -> bool:
+        """Whether first and last differ by more than chance explains."""
+        return self.deviations >= MARKED
+
 
 @dataclass(frozen=True)
-class SessionComparison:
-    """Sessions in the given order, and every parameter that any of them has."""
+class ResultComparison:
+    """Results in the given order, and every parameter that any of them has."""
 
-    sessions: tuple[SessionSummary, ...]
+    results: tuple[ResultSummary, ...]
     rows: tuple[ParameterRow, ...]
 
     @property
     def same_data(self) -> bool:
-        return len({summary.set_sha256 for summary in self.sessions}) == 1
+        """Whether all results are known to be of one measurement set."""
+        return len({one.set_sha256 for one in self.results}) == 1 and bool(self.results[0].set_sha256)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain data for `flexviz compare --json`; unknown values are None."""
         return {
             "format": 1,
             "same_data": self.same_data,
             "sessions": [
                 {
-                    "set" if field.name == "set_name" else field.name: _plain(getattr(s, field.name))
-                    for field in fields(s)
+                    "set" if field.name == "set_name" else field.name: _plain(getattr(one, field.name))
+                    for field in fields(one)
                     if field.name != "parameters"
                 }
-                for s in self.sessions
+                for one in self.results
             ],
             "parameters": [
                 {
@@ -109,82 +142,60 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else None if value == "" else value
 
 
-def compare(opened: Sequence[OpenedSession]) -> SessionComparison:
-    """Compare two or more sessions."""
-    if len(opened) < 2:
-        raise InputError(f"{len(opened)} session to compare, expected two or more")
-    found = [results(one) for one in opened]
-    every: set[Source] = set.intersection(*(usable(of_one) for of_one in found))
-    sessions = _named([summary(one, of_one, every) for one, of_one in zip(opened, found, strict=True)])
-    keys = dict.fromkeys(key for one in sessions for key in one.parameters)
+def compare(known: Sequence[KnownResults]) -> ResultComparison:
+    """Compare two or more results."""
+    if len(known) < 2:
+        raise InputError(f"{len(known)} result to compare, expected two or more")
+    shared = [kind for kind in known[0].usable if all(kind in one.usable for one in known)]
+    results = _named([_summary(one, shared) for one in known])
+    keys = dict.fromkeys(key for one in results for key in one.parameters)
     rows = []
     for key in keys:
-        estimates = tuple(one.parameters.get(key) for one in sessions)
+        estimates = tuple(one.parameters.get(key) for one in results)
         unit = next(e.unit for e in estimates if e is not None)
-        rows.append(ParameterRow(key, unit, estimates, deviations(estimates[0], estimates[-1])))
-    return SessionComparison(tuple(sessions), tuple(rows))
+        rows.append(ParameterRow(key, unit, estimates, _deviations(estimates[0], estimates[-1])))
+    return ResultComparison(tuple(results), tuple(rows))
 
 
-def results(opened: OpenedSession) -> dict[Source, Any]:
-    """The results of the current settings by their kind, or the last ones if the data have changed."""
-    analysis = opened.session.analysis
-    older = bool(opened.changed)  # nothing is up to date then, and `changed` is reported
-    found: dict[Source, Any] = {}
-    if analysis.identification is not None and (analysis.up_to_date or older):
-        found["identification"] = analysis.identification
-    if analysis.diagnosis is not None and (analysis.diagnosis_up_to_date or older):
-        found["diagnosis"] = analysis.diagnosis
-    return found
-
-
-def summary(opened: OpenedSession, found: dict[Source, Any], every: set[Source]) -> SessionSummary:
-    """Final results of a session; a source in `every`, which all sessions have, is preferred."""
-    measurements = opened.measurements
-    result: Identification | None = found.get("identification")
-    diagnosis: Diagnosis | None = found.get("diagnosis")
-    values = source_of(VALUES, usable(found), every)
-    errors = source_of(ERRORS, usable(found), every)
-    fitted = found.get(values)
-    measured: Any = None
-    if errors == "identification" and result is not None:
-        measured = result.residual
-    elif errors == "diagnosis" and diagnosis is not None and diagnosis.steps:
-        measured = diagnosis.steps[-1]
-    return SessionSummary(
-        name=opened.folder.resolve().name,
-        set_name=measurements.name,
-        set_sha256=fingerprint(measurements).sha256,
-        changed=opened.changed,
-        verdict=diagnosis.verdict if diagnosis is not None else "",
-        effects=(*measurements.effects, *opened.session.analysis.effects),
-        observer=result.observer_name if result is not None else "",
-        refined=result.refined if result is not None else False,
-        source=values,
-        errors_from=errors,
-        joints=measurements.joints,
-        rms=measured.rms if measured else (),
-        rms_validation=measured.rms_validation or () if measured else (),
-        noise_floor=measured.noise_floor if measured else (),
-        torque_spread=measurements.torque_spread,
-        torque_units=measurements.torque_units,
-        parameters={(p.name, p.joint, p.payload, p.group): p for p in fitted.parameters} if fitted else {},
+def _summary(known: KnownResults, shared: Sequence[str]) -> ResultSummary:
+    """What is compared of a result; a kind in `shared`, which all results have, is preferred."""
+    source = next(iter((*shared, *known.usable)), "")
+    found, fit, diagnosis = known.usable.get(source), known.identification, known.diagnosis
+    estimates = () if found is None else found.all_parameters
+    measured = None if found is None else found.residual or (found.steps[-1] if found.steps else None)
+    of = None if found is None else found.residual or found.torque
+    spread = () if found is None else found.residual.torque_spread if found.residual else found.torque_spread
+    observer = None if fit is None else fit.observer
+    listed = () if found is None else effects_of(found)
+    return ResultSummary(
+        name=known.name,
+        set_name=known.set_name,
+        set_sha256=known.set_sha256,
+        changed=known.changed,
+        verdict=next((one.final_verdict for one in (diagnosis, fit) if one and one.final_verdict), ""),
+        effects=listed if known.effects is None else known.effects,
+        observer="" if observer is None else observer.name,
+        tuning="" if observer is None else observer.tuning,
+        groups=() if fit is None else fit.groups or (),
+        refined=fit is not None and fit.refined,
+        source=source,
+        joints=tuple(dict.fromkeys(p.joint for p in estimates if p.joint)) if of is None else of.joints,
+        rms=() if measured is None else measured.rms,
+        rms_validation=() if measured is None else measured.rms_validation or (),
+        noise_floor=() if measured is None else measured.noise_floor,
+        torque_spread=spread,
+        torque_units=() if measured is None else measured.units,
+        parameters={(p.name, p.joint, p.payload, p.group): p for p in estimates},
     )
 
 
-def usable(found: dict[Source, Any]) -> set[Source]:
-    """The sources that have values."""
-    return {source for source, result in found.items() if result.parameters}
+def effects_of(document: ResultDocument) -> tuple[str, ...]:
+    """The effects of a document's model, as options name them."""
+    values = (EffectValue(e.effect, e.joint, {}, e.group, e.payload) for e in document.all_effects)
+    return tuple(value.text for value in values)
 
 
-def source_of(order: Sequence[Source], mine: set[Source], every: set[Source]) -> Source:
-    """The first source in `order` that all sessions have, else the first that this one has."""
-    for source in (*[source for source in order if source in every], *order):
-        if source in mine:
-            return source
-    return ""
-
-
-def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) -> float:
+def _deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) -> float:
     """Difference of two estimates in standard errors, as if they were independent; NaN if unknown."""
     if first is None or last is None:
         return math.nan
@@ -192,8 +203,8 @@ def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) 
     return abs(last.value - first.value) / spread if 0 < spread < math.inf else math.nan
 
 
-def _named(found: list[SessionSummary]) -> list[SessionSummary]:
-    """Number the sessions whose folders have the same name."""
+def _named(found: list[ResultSummary]) -> list[ResultSummary]:
+    """Number the results whose folders or files have the same name."""
     names = [one.name for one in found]
     numbered = [f"{name} ({names[: i + 1].count(name)})" for i, name in enumerate(names)]
     return [

@@ -4,8 +4,8 @@ from flexviz.errors import require_extra
 
 require_extra("rerun", "a recording")
 
-from flexviz.recording.comparing import compare_recordings, merge_recordings
 from flexviz.recording.live import LiveRecording
+from flexviz.recording.merging import merge_recordings
 from flexviz.recording.notebook import notebook_viewer
 from flexviz.recording.reading import Recorded, Recording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
@@ -17,7 +17,6 @@ __all__ = [
     "Recording",
     "RecordingFile",
     "check_recording",
-    "compare_recordings",
     "ending_tidily",
     "has_display",
     "merge_recordings",

@@ -9,14 +9,17 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 from rerun.chunk import RrdReader
 
+from flexviz.comparing import KnownResults, effects_of
 from flexviz.errors import InputError
 from flexviz.files import sha256_of
+from flexviz.results import checked_document
 
 TRUNCATED = ("no footer", "exceeds file size")  # in the reader's message on a truncated file
 CUT = (
@@ -149,6 +152,17 @@ class Recording:
     def result(self) -> dict[str, Any]:
         """The newest result; empty if there is none."""
         return self.results[-1] if self.results else {}
+
+    @property
+    def known(self) -> KnownResults:
+        """The newest result, and the newest diagnosis if it is of the same model, for a comparison."""
+        own = [{key: value for key, value in one.items() if key != "effects"} for one in self.results[-1:]]
+        read = partial(checked_document, file=self.file)
+        fit, diagnosis = (next(map(read, found), None) for found in (own, self.diagnoses[-1:]))
+        effects = tuple(self.result["effects"]) if own else None
+        if effects is not None and diagnosis is not None and {*effects_of(diagnosis)} != {*effects}:
+            diagnosis = None
+        return KnownResults(self.file.stem, self.set_name, fit, diagnosis, effects=effects)
 
 
 def read_recording(path: str | Path) -> Recording:
