@@ -22,39 +22,34 @@ def review(
     source: Annotated[
         Path, typer.Argument(metavar="FILE.rrd|SESSION", help="A recording (*.rrd), or a session's folder.")
     ],
-    other: Path | None = typer.Argument(None, metavar="[OTHER]", help="A second one to show side by side."),
+    other: Path | None = typer.Argument(None, metavar="[OTHER]", help="A second one to compare it with."),
     check: bool = typer.Option(False, "--check", help="Only check it and list its content; open nothing."),
     web: bool | None = typer.Option(
         None, "--web/--native", help="In the browser or in a window; default: a window if there is a display."
     ),
     out: Path | None = typer.Option(
-        None, metavar="FILE.rrd", help="Keep the file made for it: recording of a session, or comparison."
+        None, metavar="FILE.rrd", help="Keep the recording that is made of a session."
     ),
     port: int | None = typer.Option(None, metavar="P", help="Port of the page; default: 9090 or a free one."),
     browser: BrowserOption = True,
 ) -> int:
-    """Open a recording in Rerun's viewer, on this machine only."""
+    """Open recordings in Rerun's viewer, on this machine only; of two, the newest results are compared."""
     from flexviz.cli.compare import show as show_comparison
     from flexviz.comparing import compare as compare_results
-    from flexviz.recording import ending_tidily, merge_recordings
+    from flexviz.recording import ending_tidily
 
     terminal.check_output_file(out, ".rrd", named=True)
     with temporary_folder("review") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
-        if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
-            raise InputError(
-                "--out: a single recording is opened without a copy, expected no --out", file=source
-            )
-        made = [out if other is None else None, None]
-        files = [prepared(one, temporary / str(n), made[n]) for n, one in enumerate(sources)]
+        if out is not None and (other is not None or source.is_file()):
+            raise InputError("--out keeps the recording made of a session, expected one", file=source)
+        files = [prepared(one, temporary / str(n), out) for n, one in enumerate(sources)]
         found = [described(file) for file in files]
         if len(found) == 2:
             a, b = found
             if a is None or b is None:
                 raise InputError("only recordings of flexviz can be compared", file=files[a is not None])
             show_comparison(compare_results([a.known, b.known]))
-            files = [out or temporary / "comparison.rrd"]
-            merge_recordings(a, b, files[0])
         if not check:
             show(files, web, port, browser)
     return 0

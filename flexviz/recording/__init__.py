@@ -1,11 +1,10 @@
-"""Recordings for the Rerun viewer: write, check, compare, open. Only this package imports rerun."""
+"""Recordings for the Rerun viewer: write, check, open. Only this package imports rerun."""
 
 from flexviz.errors import require_extra
 
 require_extra("rerun", "a recording")
 
 from flexviz.recording.live import LiveRecording
-from flexviz.recording.merging import merge_recordings
 from flexviz.recording.notebook import notebook_viewer
 from flexviz.recording.reading import Recorded, Recording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
@@ -19,7 +18,6 @@ __all__ = [
     "check_recording",
     "ending_tidily",
     "has_display",
-    "merge_recordings",
     "notebook_viewer",
     "read_recording",
     "record_session",

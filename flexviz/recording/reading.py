@@ -29,7 +29,6 @@ CUT = (
 ROW = "rerun.controls.RowId"
 TEXT = "TextDocument:text"
 PROPERTIES = "/__properties/flexviz"
-VIEW = "/__properties/view"
 _DECODE = """import sys
 from rerun.chunk import RrdReader
 for chunk in RrdReader(sys.argv[1]).stream():
@@ -132,8 +131,6 @@ class Recording:
         simulated: whether the measurement set was simulated.
         results: in the format of `identify --json`, with "label" and "effects" of the model; oldest first.
         diagnoses: in the format of `diagnose --json`; oldest first.
-        observer: name of the last recorded observer, or None.
-        eye, centre: (3,) of the view [m].
     """
 
     file: Path
@@ -144,9 +141,6 @@ class Recording:
     groups: tuple[str, ...]
     results: tuple[dict[str, Any], ...]
     diagnoses: tuple[dict[str, Any], ...]
-    observer: str | None = None
-    eye: tuple[float, ...] | None = None
-    centre: tuple[float, ...] | None = None
 
     @property
     def result(self) -> dict[str, Any]:
@@ -174,14 +168,10 @@ def read_recording(path: str | Path) -> Recording:
     file = Path(path)
     properties: dict[str, Any] = {}
     texts: dict[str, tuple[bytes, str]] = {}
-    observer: tuple[bytes, str | None] = (b"", None)
     for chunk in RrdReader(str(file)).stream():
         entity = chunk.entity_path
-        if entity in (PROPERTIES, VIEW):
+        if entity == PROPERTIES:
             properties |= _values(chunk.to_record_batch())
-        elif entity.startswith("/observers/"):
-            row = chunk.to_record_batch().column(ROW).to_pylist()[-1]
-            observer = max(observer, (row, entity.split("/")[2]))
         elif entity.endswith("/json"):
             batch = chunk.to_record_batch()
             row, text = batch.column(ROW).to_pylist()[-1], batch.column(TEXT).to_pylist()[-1][0]
@@ -202,9 +192,6 @@ def read_recording(path: str | Path) -> Recording:
         groups=tuple(properties["groups"]),
         results=_documents(texts, "results", file),
         diagnoses=_documents(texts, "diagnoses", file),
-        observer=observer[1],
-        eye=tuple(properties["eye"]) if "eye" in properties else None,
-        centre=tuple(properties["centre"]) if "centre" in properties else None,
     )
 
 

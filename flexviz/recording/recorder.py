@@ -84,7 +84,6 @@ class Recorder:
                 samples=group.samples,
             )
         check("reading the robot's shape", 0.0)
-        stream.property("view", eye=list(self._scene.stage.eye), centre=list(self._scene.stage.centre))
         self._describe()
         self.arrange()
         for done, group in enumerate(measurements.groups):
