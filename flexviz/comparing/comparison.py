@@ -162,9 +162,7 @@ def _summary(known: KnownResults, shared: Sequence[str]) -> ResultSummary:
     source = next(iter((*shared, *known.usable)), "")
     found, fit, diagnosis = known.usable.get(source), known.identification, known.diagnosis
     estimates = () if found is None else found.all_parameters
-    measured = None if found is None else found.residual or (found.steps[-1] if found.steps else None)
-    of = None if found is None else found.residual or found.torque
-    spread = () if found is None else found.residual.torque_spread if found.residual else found.torque_spread
+    of = None if found is None else found.final_errors
     observer = None if fit is None else fit.observer
     listed = () if found is None else effects_of(found)
     return ResultSummary(
@@ -179,12 +177,12 @@ def _summary(known: KnownResults, shared: Sequence[str]) -> ResultSummary:
         groups=() if fit is None else fit.groups or (),
         refined=fit is not None and fit.refined,
         source=source,
-        joints=tuple(dict.fromkeys(p.joint for p in estimates if p.joint)) if of is None else of.joints,
-        rms=() if measured is None else measured.rms,
-        rms_validation=() if measured is None else measured.rms_validation or (),
-        noise_floor=() if measured is None else measured.noise_floor,
-        torque_spread=spread,
-        torque_units=() if measured is None else measured.units,
+        joints=() if of is None else of.joints,
+        rms=() if of is None else of.rms,
+        rms_validation=() if of is None else of.rms_validation or (),
+        noise_floor=() if of is None else of.noise_floor,
+        torque_spread=() if of is None else of.torque_spread,
+        torque_units=() if of is None else of.units,
         parameters={(p.name, p.joint, p.payload, p.group): p for p in estimates},
     )
 
