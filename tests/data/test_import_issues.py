@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,15 +19,11 @@ from import_data import JOINTS, truth, write_mapping, write_robot
 
 from flexviz.base.errors import Cancelled
 from flexviz.checks import (
-    Case,
-    Fault,
     Issue,
     LoadedTable,
     check_groups,
-    issues_of_set,
     with_plausibility_warnings,
 )
-from flexviz.checks.reading import Reading
 from flexviz.content.wording import issue_message, issue_text
 from flexviz.data.importing import import_logs
 from flexviz.data.importing.delays import delay_issues, torque_delay
@@ -390,7 +386,7 @@ def test_a_diagnosis_says_what_its_set_contradicts(
         raise Cancelled
 
     monkeypatch.setattr("flexviz.analysis.diagnosis.diagnose", begun)
-    options: dict[str, Any] = dict(guard=None, free_curve=False, draft_effect=None, json_file=None)
+    options: dict[str, Any] = dict(guard=None, free_curve=False, json_file=None)
     with caplog.at_level("WARNING"), pytest.raises(Cancelled):
         analysis.diagnose(folder, apply=False, decoys=False, **options)
 
@@ -403,29 +399,3 @@ IN_EVERY_RUN = ("2r-coulomb_friction", "2r-none-19", "2r-unknown", "panda-stribe
 def test_hidden_effects_raise_no_doubts(names: tuple[str, ...]) -> None:
     for name in names or sorted(path.name for path in PRACTICE.iterdir()):
         assert not with_plausibility_warnings(read_set(PRACTICE / name)).warnings, name
-
-
-def test_a_payload_that_one_group_carried_and_nobody_stated(demo: MeasurementSet) -> None:
-    carried = next(g for g in demo.groups if g.bodies)
-    groups = tuple(replace(g, bodies=()) if g is carried else g for g in demo.groups)
-    (issue,) = issues_of_set(replace(demo, groups=groups))
-    assert (issue.kind, issue.severity, issue.values["groups"]) == ("payload", "odd", (carried.name,))
-    assert issue.values["mass"] == pytest.approx(sum(body.mass for body in carried.bodies), rel=0.25)
-
-
-def test_a_kind_of_fault_is_one_file(monkeypatch: pytest.MonkeyPatch, demo: MeasurementSet) -> None:
-    """A new one is found, with words and remedy, without any other change."""
-
-    def halved(now: Reading) -> Reading:
-        return replace(now, size=2.0 * now.size)
-
-    def hypothesis_of_tests(case: Case) -> Iterator[Fault]:
-        yield Fault("summed_twice", case.every, "tau", halved)
-
-    monkeypatch.setattr("flexviz.checks.faults.HYPOTHESES", {"made up": hypothesis_of_tests})
-    groups = tuple(
-        replace(g, segments=tuple(replace(s, tau=0.5 * s.tau) for s in g.segments)) for g in demo.groups
-    )
-    (issue,) = issues_of_set(replace(demo, groups=groups))
-    assert issue.kind == "summed_twice" and issue.joints == demo.joints
-    assert "with summed twice the robot's masses explain" in issue_text(issue)

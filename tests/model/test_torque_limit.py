@@ -14,8 +14,9 @@ from independent.simulator import simulate
 import flexviz
 from flexviz.analysis.diagnosis.seen_limits import limit_findings
 from flexviz.analysis.estimation.whitening import whitener
+from flexviz.content.wording import saturated_text
 from flexviz.data.importing.checking import check_saturated
-from flexviz.data.measurements import MeasurementSet, Segment, bridged_torque, saturated_text, seen_limits
+from flexviz.data.measurements import MeasurementSet, Segment, bridged_torque, seen_limits
 from flexviz.model.effects import EFFECTS, EffectTarget
 from flexviz.model.effects.torque_limit import SHARES, beyond
 from flexviz.model.equation import build_signals

@@ -166,6 +166,18 @@ class ResultFields(BaseModel, FitFields, DiagnosisFields, frozen=True):
         return () if self.torque is None else self.torque.spread
 
     @property
+    def final_errors(self) -> ResidualSummary | None:
+        """Errors of the final model, or of the fit; None where the document has none."""
+        if not self.steps or not self.steps[-1].rms:
+            return self.residual
+        last, known = self.steps[-1], self.torque
+        joints = tuple(dict.fromkeys(p.joint for p in self.all_parameters if p.joint))
+        return ResidualSummary(
+            joints if known is None else known.joints,
+            last.rms, last.rms_validation, last.noise_floor, self.torque_spread, units=last.units,
+        )  # fmt: skip
+
+    @property
     def findings(self) -> tuple[CandidateEffect, ...]:
         """The candidates, by their name in `Diagnosis`."""
         return self.candidates

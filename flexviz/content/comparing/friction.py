@@ -11,7 +11,7 @@ from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
 from flexviz.content.wording import number, percent, quantity
 from flexviz.data.measurements import MeasurementSet
-from flexviz.model.compensation.friction import sliding_friction
+from flexviz.model.compensation import sliding_friction
 from flexviz.robot.model import FlexibleModel
 
 RANGES = 5  # of speed, with equally many samples each
@@ -42,7 +42,7 @@ class SpeedRange:
 
 
 @dataclass(frozen=True)
-class CompensatedJoint:
+class ComparedFriction:
     """One joint: rms friction torque over the motion of the first set [Nm], and by speed."""
 
     joint: str
@@ -62,13 +62,6 @@ class CompensatedJoint:
         return f"{self.joint}: {percent(self.removed)} of the friction torque removed, {fall}"
 
 
-@dataclass(frozen=True)
-class CompensationComparison:
-    """All joints of a set recorded without, and of one recorded with compensation."""
-
-    joints: tuple[CompensatedJoint, ...]
-
-
 def removed(before: float, after: float) -> float:
     """Share of a friction torque that is gone."""
     return 1.0 - after / before if before > 0 else 0.0
@@ -76,7 +69,7 @@ def removed(before: float, after: float) -> float:
 
 def compare_friction(
     measurements: MeasurementSet, before: FlexibleModel, after: FlexibleModel
-) -> CompensationComparison:
+) -> tuple[ComparedFriction, ...]:
     """Friction of two identified models along the recorded motion of the first set.
 
     Both frictions are evaluated at the same speeds and loads, so that the two recordings may move
@@ -93,12 +86,12 @@ def compare_friction(
     if before.joints != after.joints:
         text = f"the sets have the joints {', '.join(before.joints)} and {', '.join(after.joints)}"
         raise InputError(f"{text}, expected the same robot")
-    return CompensationComparison(tuple(_joints(measurements, before, after)))
+    return tuple(_joints(measurements, before, after))
 
 
 def _joints(
     measurements: MeasurementSet, before: FlexibleModel, after: FlexibleModel
-) -> Iterator[CompensatedJoint]:
+) -> Iterator[ComparedFriction]:
     segments = [s for group in measurements.groups for s in group.segments]
     speeds = [s.mean_speeds for s in segments]
     middles = [(len(s) - len(v)) // 2 for s, v in zip(segments, speeds, strict=True)]
@@ -114,7 +107,7 @@ def _joints(
             for k in range(RANGES)
             if np.any(of == k)
         )
-        yield CompensatedJoint(joint, _rms(old), _rms(new), ranges)
+        yield ComparedFriction(joint, _rms(old), _rms(new), ranges)
 
 
 def _rms(values: Array) -> float:
