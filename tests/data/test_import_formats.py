@@ -139,8 +139,7 @@ def test_csv_states_its_units_and_what_cannot_be_used(tmp_path: Path) -> None:
     log = formats.open_log(tmp_path / "b.csv", ReadOptions())
     assert log.unusable["mode"] == 'row 1 (line 2) holds "run", expected a number'
     assert "nothing" in log.unusable
-    lines = ["t,x,y"] + [f"{0.001 * i},{i},{i}" for i in range(100)]
-    lines[61] = "0.06,oops,60"
+    lines = ["t,x,y"] + [f"{0.001 * i},{i if i != 60 else 'oops'},{i}" for i in range(100)]
     (tmp_path / "c.csv").write_text("\n".join(lines))
     log = formats.open_log(tmp_path / "c.csv", ReadOptions())
     assert log.unusable == {"x": 'row 61 (line 62) holds "oops", expected a number'}
@@ -269,9 +268,8 @@ def test_files_beside_logs_are_no_logs(tmp_path: Path) -> None:
     npz(tmp_path / "run.npz")
     json_columns(tmp_path / "about.json")
     assert [source.path.name for source in find_logs([tmp_path])] == ["run.npz"]
-    assert (
-        formats.open_log(tmp_path / "run.npz", ReadOptions()).unusable["objects"] == "it holds Python objects"
-    )
+    unusable = formats.open_log(tmp_path / "run.npz", ReadOptions()).unusable
+    assert unusable["objects"] == "it holds Python objects"
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
