@@ -1,4 +1,4 @@
-"""The packages and their imports: `python -m benchmarks.architecture [--write]`.
+"""The packages of the rooms and their imports: `python -m benchmarks.architecture [--write]`.
 
 Prints the size of each package, import circles, and imports that bypass a package's public face. With
 `--write` it draws the pictures of docs/architecture.md. The exit code is 1 if there is a circle or a bypassed
@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections import defaultdict
+from collections.abc import Sequence
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Annotated
@@ -48,9 +49,9 @@ WALKS = {  # picture -> (where, what comes out of it), stop by stop
 }
 
 
-def package_of(path: Path) -> str:
-    """Package or module directly under flexviz/."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+def unit_of(parts: Sequence[str]) -> str:
+    """Package or module of a room, as "model/effects", of a place in flexviz/; "flexviz" outside them."""
+    return "/".join(parts[:2]) if len(parts) > 1 and parts[1] != "__init__" else "flexviz"
 
 
 def imported(path: Path) -> set[str]:
@@ -70,15 +71,15 @@ def arrows() -> tuple[dict[str, set[str]], dict[str, int], list[str]]:
     lines: dict[str, int] = defaultdict(int)
     bypasses = []
     for path in sorted(PACKAGE.rglob("*.py")):
-        here = package_of(path)
+        here = unit_of(path.relative_to(PACKAGE).with_suffix("").parts)
         lines[here] += len(path.read_text(encoding="utf-8").splitlines())
         for name in imported(path):
-            other = name.split(".")[1]
+            other = unit_of(name.split(".")[1:])
             if other == here or not ((PACKAGE / other).is_dir() or (PACKAGE / f"{other}.py").is_file()):
                 continue
             out[here].add(other)
-            inside = PACKAGE.joinpath(*name.split(".")[1:3]).with_suffix(".py")
-            if len(name.split(".")) > 3 and inside.is_file():
+            inside = PACKAGE.joinpath(*name.split(".")[1:4]).with_suffix(".py")
+            if len(name.split(".")) > 4 and inside.is_file():
                 bypasses.append(f"{path.relative_to(ROOT)} imports {name}")
     return out, dict(lines), bypasses
 
@@ -126,8 +127,10 @@ def svg(graph: dict[str, set[str]], lines: dict[str, int]) -> str:
     boxes = []
     for name, (x, y) in at.items():
         boxes.append(f'<rect x="{x:g}" y="{y:g}" width="{BOX[0]}" height="{BOX[1]}" rx="4"/>')
-        boxes.append(f'<text x="{x + BOX[0] / 2:g}" y="{y + 15:g}">{name}</text>')
-        boxes.append(f'<text class="n" x="{x + BOX[0] / 2:g}" y="{y + 28:g}">{lines[name]:,} lines</text>')
+        room, package = name.split("/")
+        below = f"{room}, {lines[name]:,} lines"
+        boxes.append(f'<text x="{x + BOX[0] / 2:g}" y="{y + 15:g}">{package}</text>')
+        boxes.append(f'<text class="n" x="{x + BOX[0] / 2:g}" y="{y + 28:g}">{below}</text>')
     total = 2 * MARGIN + top * ROW + BOX[1]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {total:g}" width="{width:g}">\n'
@@ -163,7 +166,7 @@ def main(*, write: Annotated[bool, "renew the pictures in docs/images"] = False)
         print("circle:", " -> ".join(error.args[1]))
         return 1
     for name in sorted(lines, key=lambda name: (-height.get(name, 0), name)):
-        print(f"{height.get(name, 0):3d}  {name:16s} {lines[name]:6,d} lines")
+        print(f"{height.get(name, 0):3d}  {name:24s} {lines[name]:6,d} lines")
     print(
         f"{sum(lines.values()):,} lines in {len(lines)} packages and modules; {len(bypasses)} faces bypassed"
     )

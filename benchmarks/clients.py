@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import msgpack
 import numpy as np
@@ -38,6 +39,7 @@ SHARES = {"idle": 0.6, "deaf": 0.05, "hostile": 0.2, "restless": 0.15}
 PATIENCE = 30.0  # [s] for one change to be seen
 OPENING = 300.0  # [s] for all pages to open
 ENDING = 60.0  # [s] for the server to end after SIGTERM
+PUBLIC = ("--public-host", "localhost")  # as to a network, with a token
 LOG = 10  # lines of the server's log that are shown
 VALUES = itertools.count(1)  # of a slider: each change has its own
 CAMERA = {
@@ -54,12 +56,15 @@ def packed(message: Any) -> bytes:
 class Crowd:
     """What the clients did."""
 
-    url: str
+    url: str  # without the token
+    token: str = ""
     uuids: list[str] = field(default_factory=list)  # of the page's controls
     done: Counter[str] = field(default_factory=Counter)
 
     def page(self) -> connect:
-        return connect(self.url, subprotocols=[PROTOCOL], max_size=None, compression=None, open_timeout=60)
+        cookie = {"Cookie": f"flexviz_{urlsplit(self.url).port}={self.token}"}
+        options = {"max_size": None, "compression": None, "open_timeout": 60, "additional_headers": cookie}
+        return connect(self.url, subprotocols=[PROTOCOL], **options)
 
 
 # -- clients ---------------------------------------------------------------------------------------------
@@ -202,7 +207,8 @@ def said(title: str, seconds: list[float], process: int) -> None:
 
 async def crowded(url: str, process: int, clients: int, seconds: float) -> list[float]:
     """All times of changes, before, with and after the crowd."""
-    crowd = Crowd(url.replace("http", "ws"))
+    address, _, token = url.partition("/?token=")
+    crowd = Crowd(address.replace("http", "ws"), token)
     async with crowd.page() as first, crowd.page() as second:
         one, other = Page(first), Page(second)
         for page in (one, other):
@@ -237,7 +243,7 @@ def main(*, clients: int = 200, seconds: float = 30.0) -> int:
     """Serve, crowd, end."""
     with tempfile.TemporaryDirectory() as folder, Path(folder, "log").open("w+") as log:
         server = subprocess.Popen(
-            [sys.executable, "-P", "-m", "flexviz", "serve", "--no-browser", "--port", "0"],
+            [sys.executable, "-P", "-m", "flexviz", "serve", "--no-browser", "--port", "0", *PUBLIC],
             stdout=subprocess.PIPE, stderr=log, text=True, cwd=folder,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )  # fmt: skip

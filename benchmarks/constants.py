@@ -1,6 +1,6 @@
 """How many numbers decide: `python -m benchmarks.constants [count] [--tree DIR]`.
 
-    count   lines of flexviz and of flexviz/analysis/diagnosis; the numeric constants of the latter and their places
+    count   lines of flexviz and of its diagnosis; the numeric constants of the latter and their places
     worth   what each constant is worth: `worth SET ... --work DIR` halves and doubles each and prints which
             sets are answered otherwise; those that change none could go
 
@@ -141,7 +141,7 @@ def report(tree: Path) -> str:
     lines = []
     for kind in (THRESHOLD, CONSTANT, DEFAULT):
         lines += [f"{c.file}:{c.line}: {kind} {c.name} = {c.value}" for c in found if c.kind == kind]
-    for folder in (PACKAGE.parent, PACKAGE):
+    for folder in (PACKAGE.parents[1], PACKAGE):
         lines.append("{}: {:,} lines in {} files".format(folder, *count_lines(tree / folder)))
     number = {kind: sum(c.kind == kind for c in found) for kind in (THRESHOLD, CONSTANT, DEFAULT)}
     counted = number[THRESHOLD] + number[CONSTANT]

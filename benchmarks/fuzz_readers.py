@@ -29,7 +29,7 @@ from flexviz.content.results import read_result
 from flexviz.content.scene import robot_shape
 from flexviz.content.session import open_session, save_session
 from flexviz.data.importing import import_logs
-from flexviz.data.importing.formats import LogSource, ReadOptions, find_logs, open_run
+from flexviz.data.logs.formats import LogSource, ReadOptions, find_logs, open_run
 from flexviz.data.measurements import read_set
 from flexviz.outlets.app.sets import open_set
 from flexviz.outlets.app.uploads import UploadFolder, take

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.command import command
 from benchmarks.independent import make_case
-from flexviz.data.importing import Issue, issues_of_set
+from flexviz.checks import Issue, issues_of_set
 from flexviz.data.measurements import read_set
 
 TURN = math.pi / 2

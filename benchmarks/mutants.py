@@ -37,6 +37,7 @@ from benchmarks.code_changes import Changer
 from benchmarks.command import command
 
 ROOT = Path(__file__).parents[1]
+MODEL = "flexviz/model"  # its packages are changed
 TESTS = {
     "equation": (
         "equation_exact.py", "equation_parts.py", "equation_truth.py", "equation.py", "effects_limits.py",
@@ -95,7 +96,7 @@ class Mutant:
 def mutants(package: str, count: int, seed: int) -> list[Mutant]:
     """A random choice of the changes of a package."""
     found = []
-    for path in sorted((ROOT / "flexviz" / package).glob("*.py")):
+    for path in sorted((ROOT / MODEL / package).glob("*.py")):
         changer = Changer()
         changer.visit(ast.parse(path.read_text()))
         name = path.relative_to(ROOT).as_posix()
@@ -156,7 +157,7 @@ class Recorder:
     """Which test runs which line, and how long each takes, as a plugin of pytest."""
 
     def __init__(self, package: str) -> None:
-        source = [f"{ROOT}/flexviz/{package}/*"]
+        source = [f"{ROOT}/{MODEL}/{package}/*"]
         self.coverage = coverage.Coverage(data_file=None, include=source, config_file=False)
         self.seconds: dict[str, float] = {}
         self.now = ""
@@ -193,11 +194,18 @@ class Recorder:
         return code
 
 
+def place_of(test: str) -> str:
+    """Of a file of tests, or of a test in it, named as pytest does: where it is."""
+    file, *inside = test.split("::")
+    (path,) = (ROOT / "tests").rglob(file)
+    return "::".join([path.relative_to(ROOT).as_posix(), *inside])
+
+
 class Tests:
     """The quick tests of a package: which of them a mutant has to meet."""
 
     def __init__(self, package: str) -> None:
-        self.files = [f"tests/test_{name}" for name in TESTS[package]]
+        self.files = [place_of(f"test_{name}") for name in TESTS[package]]
         with tempfile.TemporaryDirectory() as folder:
             seen = Path(folder) / "seen.json"
             code = forked(lambda: Recorder(package).record(self.files, seen), 3600)

@@ -2,7 +2,7 @@
 
 1. What live recording adds to a solve: the same identification with its iterations recorded and without, by
    turns; then what recording its result adds (residuals, parameters, texts, layout, all in the file).
-2. `flexviz record` killed with -9, as by `benchmarks.killed_commands`: every file must open or be repaired.
+2. `flexviz record` killed with -9, as by `benchmarks.killed_commands`: what was flushed must be readable.
 """
 
 from __future__ import annotations

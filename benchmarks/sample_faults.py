@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.base import toml
-from flexviz.data.importing import Issue, import_logs
+from flexviz.checks import Issue
+from flexviz.data.importing import import_logs
 from flexviz.data.measurements import Group, MeasurementSet
 
 Array = NDArray[Any]

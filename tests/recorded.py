@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,14 @@ def pose_of(frames: dict[str, Frame], name: str | None, row: int) -> np.ndarray:
         own[:3, 3] = frame.places[k]
         pose, name = own @ pose, frame.parent
     return pose
+
+
+def readable_part(file: Path) -> Path:
+    """The readable part of a truncated recording, written as the error of `check_recording` says."""
+    whole = file.with_suffix(".whole.rrd")
+    command = [sys.executable, "-m", "rerun", "rrd", "optimize", str(file), "-o", str(whole)]
+    subprocess.run(command, check=True, capture_output=True)
+    return whole
 
 
 class Read:

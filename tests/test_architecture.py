@@ -23,72 +23,41 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 LONGEST_FILE = 350  # [lines] of the product; other files may have 420
 LONGEST_FUNCTION = 60  # [lines]
 
-# Data flow one way: a module may import from its own row and from rows above it.
+# Data flow one way: a package may import from its own row and from rows above it. The rooms stand in their
+# order. Of a room in several rows, what stands lower is needed by other rooms; what stands higher needs them.
 LAYERS = (
-    (
-        "arrays",
-        "errors",
-        "facts",
-        "fields",
-        "units",
-        "iteration",
-        "limits",
-        "names",
-        "files",
-        "resources",
-        "progress",
-        "fourier",
-        "nonnegative",
-        "jobs",
-        "parallel",
-        "recent",
-        "schemas",
-        "search",
-        "toml",
-        "charts",
-        "doctor",
-    ),
-    (
-        "_pinocchio",
-        "_scipy",
-        "statistics",
-        "robot",
-        "urdf_checks",
-        "urdf_inertias",
-        "urdf_joints",
-        "urdf_units",
-        "robot_files",
-        "model",
-        "mounting",
-    ),
-    ("effects",),
-    ("records",),
-    ("wording",),
-    ("measurements", "noise", "results"),
-    ("observers",),
-    ("equation",),
-    ("estimation",),
-    ("laws", "motion"),
-    ("identification",),
-    ("acceptance", "compensation"),
-    ("diagnosis",),
-    ("simulation", "session", "importing"),
-    ("designing",),
-    ("scene",),
-    ("view",),
-    ("report",),
-    ("batch",),
-    ("app", "recording", "exporting"),
-    ("workflows",),
-    ("cli", "__main__"),
+    {
+        "base": "_scipy arrays errors facts fields files fourier iteration jobs limits names nonnegative"
+        " parallel progress recent resources schemas search statistics toml units"
+    },
+    {"robot": "_pinocchio model mounting robot robot_files urdf_checks urdf_inertias urdf_joints urdf_units"},
+    {"model": "effects"},  # a set names those of its model
+    {"content": "charts records wording"},  # results are made as records, some with sentences and curves
+    {"data": "logs measurements noise"},
+    {"checks": ""},
+    {"model": "compensation equation observers simulation", "content": "results"},
+    {"analysis": "acceptance designing diagnosis estimation identification laws motion"},
+    {"data": "importing", "content": "comparing scene session"},  # an import identifies a delay
+    {"outlets": "app batch doctor exporting recording report terminal view workflows"},
 )
-RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row}
+RANK = {
+    f"{room}/{name}".rstrip("/"): rank
+    for rank, row in enumerate(LAYERS)
+    for room, names in row.items()
+    for name in names.split() or [""]
+}
+ROOMS = {room for row in LAYERS for room in row}
 
 
 def unit(path: Path) -> str:
-    """The module or package directly under flexviz/ that a file belongs to; "" for flexviz/__init__.py."""
-    first = path.relative_to(PACKAGE).parts[0]
-    return "" if first == "__init__.py" else first.removesuffix(".py")
+    """The package or module of a room that a file belongs to, as "robot/mounting"; "" where there is none."""
+    return unit_of(module_name(path))
+
+
+def unit_of(name: str) -> str:
+    """The same for a module's dotted name."""
+    _, room, inside, *_ = (*name.split("."), "", "")
+    return room if room in RANK else f"{room}/{inside}" if inside else ""
 
 
 @cache
@@ -121,7 +90,7 @@ def tracked() -> list[Path]:
     return [ROOT / name for name in names if name and (ROOT / name).is_file()]
 
 
-@pytest.mark.parametrize("module, home", [("viser", "app"), ("rerun", "recording")])
+@pytest.mark.parametrize("module, home", [("viser", "outlets/app"), ("rerun", "outlets/recording")])
 def test_only_one_place_imports(module: str, home: str) -> None:
     found = [
         f"{path.relative_to(ROOT)}:{line} imports {name}"
@@ -142,9 +111,11 @@ VISERS_PAGE = re.compile(
 def test_viser_inside_is_known_to_one_place() -> None:
     from flexviz.outlets.app.viser_private import TRIED_WITH
 
-    found, private = list[str](), "viser_private"
-    for path in (file for file in sorted((PACKAGE / "app").rglob("*.*")) if file.suffix in (".py", ".js")):
-        if path.stem == private:
+    found, private = list[str](), ("viser_private", "viser_frames")
+    for path in (
+        file for file in sorted((PACKAGE / "outlets" / "app").rglob("*.*")) if file.suffix in (".py", ".js")
+    ):
+        if path.stem in private:
             continue
         found += [f"{path.name}: {text}" for text in VISERS_PAGE.findall(path.read_text(encoding="utf-8"))]
         if path.suffix == ".py":
@@ -157,7 +128,7 @@ def test_viser_inside_is_known_to_one_place() -> None:
                 if isinstance(node, ast.Attribute) and re.match("_(?!_)", node.attr)
                 if ast.unparse(node.value) not in ("self", "cls")
             ]
-    assert not found, f"what leans on viser's inside belongs into flexviz/outlets/app/{private}.py or .js"
+    assert not found, f"what leans on viser's inside belongs into flexviz/app/{private[0]}.py or .js"
     pinned = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert f'"viser=={TRIED_WITH}"' in pinned and metadata.version("viser") == TRIED_WITH
 
@@ -171,13 +142,10 @@ def test_data_flow_one_way() -> None:
     wrong = []
     for path in SOURCES:
         here = unit(path)
-        if not here:  # flexviz/__init__.py re-exports
+        if not here:
             continue
         for name, line in imports(path):
-            parts = name.split(".")
-            if parts[0] != "flexviz" or len(parts) == 1:
-                continue
-            if RANK.get(parts[1], -1) > RANK.get(here, len(LAYERS)):
+            if name.startswith("flexviz.") and RANK.get(unit_of(name), -1) > RANK[here]:
                 wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}")
     assert not wrong
 
@@ -186,7 +154,7 @@ def test_simulator_is_independent_of_the_identification() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {name}"
         for path in SOURCES
-        if unit(path) == "simulation"
+        if unit(path) == "model/simulation"
         for name, line in imports(path)
         if name.startswith(
             ("flexviz.model.equation", "flexviz.analysis.estimation", "flexviz.analysis.identification")
@@ -308,7 +276,7 @@ MODULES = {module_name(path): path for path in SOURCES}
 def face_of(package: str) -> set[str]:
     """The names that a package's `__init__.py` defines or imports."""
     names: set[str] = set()
-    for node in tree(PACKAGE / package / "__init__.py").body:
+    for node in tree(MODULES[package]).body:
         if isinstance(node, ast.ImportFrom):
             names |= {alias.asname or alias.name for alias in node.names}
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -317,17 +285,33 @@ def face_of(package: str) -> set[str]:
 
 
 def test_a_package_is_imported_by_its_public_face() -> None:
-    packages = {path.parent.name for path in SOURCES if path.parent.parent == PACKAGE}
     wrong = []
     for path in SOURCES:
         for name, line in imports(path):
-            _, package, *inside = (*name.split("."), "")
-            foreign = package in packages - {unit(path)} and name in MODULES and inside[0]
-            if foreign and inside[0] not in face_of(
-                package
-            ):  # a face may offer a function of its module's name
-                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}, not flexviz.{package}'s face")
+            package = f"flexviz.{unit_of(name).replace('/', '.')}"
+            if name not in MODULES or name == package or unit_of(name) in ("", unit(path)):
+                continue
+            inside = name.removeprefix(f"{package}.").split(".")[0]
+            if inside not in face_of(package):  # a face may offer a function of its module's name
+                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}, not {package}'s face")
     assert not wrong
+
+
+def test_a_room_is_a_folder_of_packages() -> None:
+    """It offers nothing of its own; other modules at the top re-export a package that users import."""
+    assert {path.name for path in PACKAGE.iterdir() if path.is_dir() and is_room(path)} <= ROOMS
+    for room in ROOMS & {path.name for path in PACKAGE.iterdir()}:
+        if room not in RANK:
+            assert not face_of(f"flexviz.{room}"), room
+    doors = {name for name in MODULES if name.count(".") == 1 and not is_face(name)} - {"flexviz.__main__"}
+    for door in doors:
+        _, line = tree(MODULES[door]).body
+        assert isinstance(line, ast.ImportFrom) and [alias.name for alias in line.names] == ["*"], door
+    assert not [path for path in SOURCES if doors & {name for name, _ in imports(path)}]
+
+
+def is_room(path: Path) -> bool:
+    return any(path.rglob("*.py"))
 
 
 def test_no_import_circle() -> None:

@@ -20,10 +20,12 @@ import pytest
 import typer
 
 import flexviz.analysis.diagnosis
+import flexviz.batch
 import flexviz.model.simulation
 import flexviz.model.simulation.sets as sets
 import flexviz.outlets.batch.study
 import flexviz.outlets.terminal
+import flexviz.simulation
 from flexviz.analysis.diagnosis import diagnose
 from flexviz.content.session import Session, save_session
 from flexviz.data.measurements import read_set
@@ -43,8 +45,12 @@ SESSIONS = ("SESSION",)
 OWN = "examples/user_effects.py"
 PLACES = {"FILE": "written.json", "DIR": "folder", "FILE.rrd": "written.rrd"}
 # where `diagnose` is replaced: the package last, for the others take it from there when they are imported
-DIAGNOSING = tuple(
-    f"flexviz{name}" for name in (".workflows", ".batch.analysis", ".batch.study_runs", "", ".diagnosis")
+DIAGNOSING = (
+    "flexviz.outlets.workflows",
+    "flexviz.outlets.batch.analysis",
+    "flexviz.outlets.batch.study_runs",
+    "flexviz",
+    "flexviz.analysis.diagnosis",
 )
 make_plan = sets.make_plan
 
@@ -96,7 +102,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         lines = [",".join(head), *(",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))]
         (tmp_path / f"run{number}.csv").write_text("\n".join(lines) + "\n")
     monkeypatch.chdir(tmp_path)
-    for module in (sets, flexviz.model.simulation, study_runs):
+    for module in (sets, flexviz.model.simulation, flexviz.simulation, study_runs):
         monkeypatch.setattr(module, "make_plan", short_plan)
     monkeypatch.setattr("flexviz.analysis.designing.search.GroupSearch.improve", lambda *arguments: None)
     (tmp_path / "LIMITS.toml").write_text("[default]\nheld_out_percent = 50.0\n")
@@ -119,7 +125,8 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     runs = flexviz.outlets.batch.study.study_tasks
     monkeypatch.setattr(flexviz.outlets.batch.study, "study_tasks", lambda plan: list(runs(plan))[-1:])
     here = flexviz.outlets.batch.ClusterChoice(1, processes=False)
-    monkeypatch.setattr(flexviz.outlets.batch, "ClusterChoice", lambda *given, **named: here)
+    for module in (flexviz.outlets.batch, flexviz.batch):
+        monkeypatch.setattr(module, "ClusterChoice", lambda *given, **named: here)
     served: list[Path | None] = []
 
     def serve(source: Path | None, *, host: str, port: int | None, open_browser: bool, **_: Any) -> None:

@@ -13,7 +13,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from flexviz.base.errors import EXTRAS
-from flexviz.data.importing.plausibility import COMPARING
+from flexviz.checks.sets import COMPARING
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -1,4 +1,4 @@
-"""What a computation has found, in numbers; `flexviz.content.wording` has the sentences, for all outlets the same."""
+"""What a computation has found, in numbers; `flexviz.content.wording` has the sentences, for every outlet."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Remedy:
 class Fact:
     """One finding: what it is about, and its numbers.
 
-    `str(fact)` and `fact.text` are its sentence, in the words that `flexviz.content.wording` has for its kind.
+    `str(fact)` and `fact.text` are its sentence, in the words of `flexviz.content.wording` for its kind.
 
     Attributes:
         kind: what was found, "few_samples"; each has one sentence.

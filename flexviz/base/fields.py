@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sized
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -110,6 +111,12 @@ class InSession:
         return core_schema.with_info_after_validator_function(read, handler(source), serialization=written)
 
 
+@cache
+def packed_fact() -> TypeAdapter[Fact]:
+    """What writes a fact to a session, and reads it."""
+    return TypeAdapter(Fact)
+
+
 class InWords:
     """A fact, in a document its sentence; a text where a document or an older session was read."""
 
@@ -117,11 +124,12 @@ class InWords:
         def read(value: Any, check: Callable[[Any], Any], info: ValidationInfo) -> Any:
             if isinstance(value, Fact):
                 return value
-            return FACT.validate_python(value) if info.context and isinstance(value, dict) else check(value)
+            packed = info.context is not None and isinstance(value, dict)
+            return packed_fact().validate_python(value) if packed else check(value)
 
         def write(value: Fact | str, info: SerializationInfo) -> Any:
             if isinstance(value, Fact) and info.context is not None:
-                return FACT.dump_python(value, mode="json")
+                return packed_fact().dump_python(value, mode="json")
             return str(value)
 
         written = core_schema.plain_serializer_function_ser_schema(write, info_arg=True)
@@ -132,7 +140,6 @@ class InWords:
         return handler(schema["schema"])  # of the text
 
 
-FACT = TypeAdapter(Fact, config=ConfigDict(defer_build=True))
 Said = Annotated[Fact | str, InWords()]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Nullable = Annotated[Number | None, BeforeValidator(nullable)]

@@ -11,7 +11,7 @@ from flexviz.analysis.estimation import Stopped, TwoBandData
 from flexviz.analysis.identification import FitSettings, identify
 from flexviz.analysis.identification.plain_fit import StepReporter, plain_fit
 from flexviz.base.progress import Progress
-from flexviz.data.importing import plausibility_warnings
+from flexviz.checks import plausibility_warnings
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.equation import OperatingPoint, layout_of
 

@@ -24,7 +24,7 @@ from flexviz.analysis.estimation import noise_density
 from flexviz.analysis.estimation.two_band import residual_noise
 from flexviz.analysis.identification import identify
 from flexviz.base._scipy import sp
-from flexviz.content.records.curves import NOT_PHYSICS
+from flexviz.base.facts import Fact
 from flexviz.data.measurements import MeasurementSet, read_set
 from flexviz.model.effects import choose_effects
 from flexviz.model.equation import Layout
@@ -300,7 +300,7 @@ def test_maps_have_every_variable(clean):
 def test_free_form_draws_the_hidden_law(patched):
     context, fit = patched
     curve = fit_free_curve(context, fit, locate_residual(context, fit).places[0])
-    assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == NOT_PHYSICS
+    assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == Fact("curve-not-physics")
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
     for sign, value, std in zip((1, -1), curve.value, curve.std, strict=True):

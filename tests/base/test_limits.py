@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from flexviz.base import files, limits, toml
 from flexviz.base.errors import InputError
-from flexviz.data.importing.formats import ReadOptions, find_logs, matlab, open_log
+from flexviz.data.logs.formats import ReadOptions, find_logs, matlab, open_log
 from flexviz.data.measurements import read_set
 from flexviz.outlets.terminal.terminal import write_json
 from tests.small_set import write_small_set

@@ -213,7 +213,7 @@ def test_constants_of_a_source(tmp_path: Path) -> None:
     folder = tmp_path / "flexviz" / "analysis" / "diagnosis"
     folder.mkdir(parents=True)
     (folder / "a.py").write_text(SOURCE)
-    (folder.parent / "b.py").write_text("A = 1\n")
+    (folder.parents[1] / "b.py").write_text("A = 1\n")
     found = list(constants.module_constants(ast.parse(SOURCE), False))
     names = {kind: [name for k, name, _ in found if k == kind] for kind, _, _ in found}
     assert names == {

@@ -160,11 +160,11 @@ def test_a_spoiled_one_says_so(
 def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
     from flexviz.analysis.diagnosis import Diagnosis, diagnose
     from flexviz.base.resources import sessions_dir
-    from flexviz.content.session.packing import Packer, Unpacker
+    from flexviz.content.session.packing import Packer, Unpacker, numbers
 
     found = diagnose(read_set(sessions_dir() / "planar-2r-demo"), apply=True, guard=True)
     packer = Packer(tmp_path)
-    packed = packer.pack(found)
+    packed = numbers(packer.pack(found))
     again = Unpacker(tmp_path, packer.arrays, packer.shared).unpack(Diagnosis, packed)
     assert again.to_dict() == found.to_dict() and found.maps and found.guard is not None
     assert [m.variable for m in again.maps] == [m.variable for m in found.maps]

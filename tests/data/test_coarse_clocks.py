@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.data.importing.clocks import even_step, rows_in_order
+from flexviz.data.logs.clocks import even_step, rows_in_order
 from flexviz.outlets.terminal import main
 
 ROUNDINGS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {

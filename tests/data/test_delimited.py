@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexviz.base.errors import InputError
-from flexviz.data.importing.formats import open_log
-from flexviz.data.importing.formats.base import Log, ReadOptions
+from flexviz.data.logs.formats import open_log
+from flexviz.data.logs.formats.base import Log, ReadOptions
 
 NAMES = ["time", "theta_1", "tau_1"]
 SEPARATORS = pytest.mark.parametrize("separator", [",", ";", "\t"])

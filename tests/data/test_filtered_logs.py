@@ -49,7 +49,6 @@ def test_a_filtered_log_is_recognised_with_what_is_left(low_pass: Low, hertz: fl
     found = filtered_before_writing(low_passed(log(), low_pass, hertz))
     assert np.isfinite(found.theta).all() and np.isfinite(found.tau).all()
     assert found.hertz is not None and 0.8 * hertz < found.hertz < 12 * hertz
-    assert found.text.startswith("this log was filtered before it was written (nothing above about ")
 
 
 @pytest.mark.parametrize("low_pass", FILTERS, ids=lambda f: f.__name__)
@@ -62,7 +61,7 @@ def test_sensors_alone_are_no_filter(demo: MeasurementSet) -> None:
     for segments in (log(), log(1, noise=0.05), log(2, noise=3e-4), all_segments(demo)):
         found = filtered_before_writing(segments)
         assert np.isnan(found.theta).all() and np.isnan(found.tau).all()
-        assert found.hertz is None and not found.text
+        assert found.hertz is None
 
 
 @pytest.mark.parametrize("hold", [2, 5])

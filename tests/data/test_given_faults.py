@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from shared_data import FAULTS
 
-from flexviz.data.importing import Issue, import_logs, issues_of_set
+from flexviz.checks import Issue, issues_of_set
+from flexviz.content.wording import issue_message
+from flexviz.data.importing import import_logs
 from flexviz.data.measurements import read_set
 from flexviz.outlets.terminal import main
 from tests.cases import slow
@@ -32,10 +34,26 @@ def order_issue(issues: tuple[Issue, ...] | list[Issue]) -> Issue:
 
 
 def test_three_permuted_columns() -> None:
-    issue = order_issue(import_logs(place("06-three-columns-permuted") / "map.toml", None).issues)
+    """The second log carried a payload, which its mapping does not state: that is told, too."""
+    found = import_logs(place("06-three-columns-permuted") / "map.toml", None).issues
+    issue = order_issue([one for one in found if one.kind == "order"])
     assert issue.joints == ("shoulder_yaw", "shoulder_pitch", "elbow") and issue.signal == "theta and tau"
     # the columns hold elbow, yaw, pitch
-    assert "in the order shoulder_pitch, elbow, shoulder_yaw" in issue.message
+    assert issue.values["order"] == ("shoulder_pitch", "elbow", "shoulder_yaw")
+    (other,) = (one for one in found if one is not issue)
+    assert (other.kind, other.severity, other.values["groups"]) == ("payload", "odd", ("t2p2",))
+
+
+def test_an_angle_in_per_cent_of_the_range() -> None:
+    (issue,) = import_logs(place("27-positions-in-percent") / "map.toml", None).issues
+    assert (issue.kind, issue.severity) == ("unit", "wrong") and issue.values["per_cent"]
+    assert [(fix.key, fix.value) for fix in issue.fixes] == [("unit", 0.031)] * 2
+
+
+def test_a_reference_is_no_measured_angle() -> None:
+    (issue,) = import_logs(place("20-reference-logged-as-position") / "map.toml", None).issues
+    assert (issue.kind, issue.joints) == ("reference", ("joint1", "joint2"))
+    assert max(issue.values["noise"].values()) < 5e-8  # [rad]
 
 
 @pytest.mark.parametrize(("name", "signals"), [("joint", "theta and tau"), slow("tau", "tau")])
@@ -58,4 +76,4 @@ def test_a_set_for_validation_only(command: str, tmp_path: Path, capsys: pytest.
 
 def test_torque_without_gravity() -> None:
     (issue,) = import_logs(place("01-torque-without-gravity") / "map.toml", None).issues
-    assert issue.kind == "gravity" and "not that of gravity" in issue.message
+    assert issue.kind == "gravity" and "not that of gravity" in issue_message(issue)

@@ -21,8 +21,8 @@ from import_data import (
 
 from flexviz.base.errors import InputError
 from flexviz.data.importing import Imported, import_logs
-from flexviz.data.importing.assembling import Trace
 from flexviz.data.importing.delays import JointTraces, delay_of
+from flexviz.data.logs.assembling import Trace
 
 DATA = truth(rows=1500)
 THETA, TAU = '"/motor_states/joint#/position"', '"/motor_states/joint#/effort"'
@@ -55,7 +55,7 @@ def test_offset_of_the_link_clock(tmp_path: Path, late: float) -> None:
     assert (q is None) == (late == 40.0)
     assert any("covers 0 %" in note for note in done.groups[0].notes) == (late == 40.0)
     if clock:  # what it says to write puts it right
-        value = clock[0].message.rsplit('shift."/joint_states" = ', 1)[1].split()[0]
+        value = clock[0].values["shift"]
         done = shifted = run(
             tmp_path,
             motor_messages(DATA) + link_messages(DATA, late=late),

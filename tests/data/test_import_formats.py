@@ -30,9 +30,9 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from flexviz.base.errors import InputError
-from flexviz.data.importing import formats, import_logs, inspect_logs
-from flexviz.data.importing.formats import find_logs, open_log
-from flexviz.data.importing.formats.base import Log, LogFormat, LogTable, ReadOptions
+from flexviz.data.importing import import_logs, inspect_logs
+from flexviz.data.logs import find_logs, formats
+from flexviz.data.logs.formats.base import Log, LogFormat, LogTable, ReadOptions
 from flexviz.data.measurements import read_set
 
 DATA = truth(rows=1000)
@@ -47,7 +47,7 @@ def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
 def imported(mapping: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, θ and τ of the first group of the set that an import writes."""
     done = import_logs(mapping, mapping.parent / "set")
-    assert done.folder is not None, [str(s) for s in done.issues]
+    assert done.folder is not None, done.issues
     group = read_set(done.folder).groups[0]
     assert len(group.segments) == 1
     return group.time, group.segments[0].theta, group.segments[0].tau
@@ -133,16 +133,15 @@ def test_wide_csv(tmp_path: Path, write: Callable[[Path], None], time: str, thet
 
 def test_csv_states_its_units_and_what_cannot_be_used(tmp_path: Path) -> None:
     semicolon_with_decimal_comma_and_units(tmp_path / "a.csv")
-    log = open_log(tmp_path / "a.csv", ReadOptions())
+    log = formats.open_log(tmp_path / "a.csv", ReadOptions())
     assert log.tables[0].units == {"Time": "ms", "Pos 1": "deg", "M 1": "mNm", "Pos 2": "deg", "M 2": "mNm"}
     text_and_empty_columns_beside(tmp_path / "b.csv")
-    log = open_log(tmp_path / "b.csv", ReadOptions())
+    log = formats.open_log(tmp_path / "b.csv", ReadOptions())
     assert log.unusable["mode"] == 'row 1 (line 2) holds "run", expected a number'
     assert "nothing" in log.unusable
-    lines = ["t,x,y"] + [f"{0.001 * i},{i},{i}" for i in range(100)]
-    lines[61] = "0.06,oops,60"
+    lines = ["t,x,y"] + [f"{0.001 * i},{i if i != 60 else 'oops'},{i}" for i in range(100)]
     (tmp_path / "c.csv").write_text("\n".join(lines))
-    log = open_log(tmp_path / "c.csv", ReadOptions())
+    log = formats.open_log(tmp_path / "c.csv", ReadOptions())
     assert log.unusable == {"x": 'row 61 (line 62) holds "oops", expected a number'}
     assert list(log.columns) == ["t", "y"]
 
@@ -166,7 +165,7 @@ def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path, separator: str,
     header = separator.join(["t", "p1", "m1", "p2", "m2"])
     text = "\n".join([header, *rows[:-1], last[:-cut]])
     (tmp_path / "run.csv").write_text(text)
-    log = open_log(tmp_path / "run.csv", ReadOptions())
+    log = formats.open_log(tmp_path / "run.csv", ReadOptions())
     cut_off = cut != 3  # "-1.5" is a number
     assert log.columns["p1"].rows == (999 if cut_off else 1000) and not log.unusable
     assert log.notes == (("the last line is cut off and left out",) if cut_off else ())
@@ -174,7 +173,7 @@ def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path, separator: str,
     if cut_off:
         (tmp_path / "run.csv").write_text("\n".join([header, *rows[:50], last[:-60], *rows[50:]]))
         with pytest.raises(InputError, match="not a readable CSV table"):
-            open_log(tmp_path / "run.csv", ReadOptions())
+            formats.open_log(tmp_path / "run.csv", ReadOptions())
 
 
 def test_iso_times_stay_exact(tmp_path: Path) -> None:
@@ -269,7 +268,8 @@ def test_files_beside_logs_are_no_logs(tmp_path: Path) -> None:
     npz(tmp_path / "run.npz")
     json_columns(tmp_path / "about.json")
     assert [source.path.name for source in find_logs([tmp_path])] == ["run.npz"]
-    assert open_log(tmp_path / "run.npz", ReadOptions()).unusable["objects"] == "it holds Python objects"
+    unusable = formats.open_log(tmp_path / "run.npz", ReadOptions()).unusable
+    assert unusable["objects"] == "it holds Python objects"
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
@@ -280,7 +280,7 @@ def test_stacked_values_are_taken_apart(tmp_path: Path, order: Any) -> None:
     write_robot(tmp_path)
     time = 'column = "t"'
     check(write_mapping(tmp_path, ["run.mat"], '"q part # of 2"', '"tau part # of 2"', time=time))
-    (note,) = open_log(tmp_path / "run.mat", ReadOptions()).notes
+    (note,) = formats.open_log(tmp_path / "run.mat", ReadOptions()).notes
     assert note == '"q", "tau": the values of 2 signals in one column were taken apart'
     inspection = inspect_logs([tmp_path / "run.mat"], str(tmp_path / "robot.urdf"))
     signals = [joint.signals["tau"]["from"] for joint in inspection.draft.joints.values()]
@@ -298,7 +298,7 @@ def test_a_row_per_joint(tmp_path: Path) -> None:
     check(write_mapping(tmp_path, ["run.csv"], theta, tau, time='column = "t"'))
     coarse = {"t": np.repeat(DATA.time[::2], 2), "p": DATA.theta[:, 0]}
     pacsv.write_csv(pa.table(coarse), tmp_path / "coarse.csv")
-    assert set(open_log(tmp_path / "coarse.csv", ReadOptions()).columns) == {"t", "p"}
+    assert set(formats.open_log(tmp_path / "coarse.csv", ReadOptions()).columns) == {"t", "p"}
 
 
 def test_matlab_7_3_says_what_to_do(tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def test_matlab_7_3_says_what_to_do(tmp_path: Path) -> None:
         b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + b"\x89HDF\r\n\x1a\n" + bytes(600)
     )
     with pytest.raises(InputError, match=r"version 7\.3 is HDF5.*'-v7'.*parquetwrite"):
-        open_log(file, ReadOptions())
+        formats.open_log(file, ReadOptions())
 
 
 @pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
@@ -383,7 +383,7 @@ def test_two_drivers_on_one_topic(tmp_path: Path) -> None:
             for key in ("name", "position", "effort"):
                 content[key] = content[key][::-1]
     write_mcap(tmp_path / "run.mcap", messages)
-    log = open_log(tmp_path / "run.mcap", ReadOptions())
+    log = formats.open_log(tmp_path / "run.mcap", ReadOptions())
     assert [table.rows for table in log.tables] == [1000, 1000]
     assert "/motor_states/finger/effort" in log.unusable
     write_robot(tmp_path)
@@ -417,4 +417,4 @@ def test_a_format_is_one_entry_of_the_registry(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(formats, "FORMATS", (*formats.FORMATS, pipes))
     (tmp_path / "a.pipes").write_text("|".join(map(str, range(50))))
     assert [source.path.name for source in find_logs([tmp_path])] == ["a.pipes"]
-    assert open_log(tmp_path / "a.pipes", ReadOptions()).columns["x"].rows == 50
+    assert formats.open_log(tmp_path / "a.pipes", ReadOptions()).columns["x"].rows == 50

@@ -15,14 +15,15 @@ import pytest
 from import_data import JOINTS, link_messages, motor_messages, truth, write_lerobot, write_mcap, write_robot
 
 from flexviz.base.errors import InputError
+from flexviz.content.wording import issue_text
 from flexviz.data.importing import Inspection, import_logs, inspect_logs
-from flexviz.data.importing.clocks import guess_unit
-from flexviz.data.importing.column_names import unit_in
-from flexviz.data.importing.columns import candidates, find_families
 from flexviz.data.importing.draft import Person
-from flexviz.data.importing.formats import open_log
-from flexviz.data.importing.formats.base import Log, LogTable, ReadOptions
 from flexviz.data.importing.torque_meaning import evidence
+from flexviz.data.logs.clocks import guess_unit
+from flexviz.data.logs.column_names import unit_in
+from flexviz.data.logs.columns import candidates, find_families
+from flexviz.data.logs.formats import open_log
+from flexviz.data.logs.formats.base import Log, LogTable, ReadOptions
 from flexviz.robot.robot import Robot
 from tests.small_set import URDF
 
@@ -155,7 +156,7 @@ def written(folder: Path, inspection: Inspection) -> Path:
 def same(folder: Path, mapping: Path) -> None:
     """A mapping imports to the truth."""
     done = import_logs(mapping, folder / "set")
-    assert done.folder is not None, [str(s) for s in done.issues]
+    assert done.folder is not None, [issue_text(s) for s in done.issues]
     table = done.groups[0].table
     assert np.abs(table.theta - DATA.theta).max() < 1e-9 and np.abs(table.tau - DATA.tau).max() < 1e-9
 

@@ -17,6 +17,7 @@ from flexviz.analysis.diagnosis import diagnose
 from flexviz.analysis.identification import identify
 from flexviz.analysis.motion import MOTION
 from flexviz.base.errors import InputError
+from flexviz.content.wording import issue_message, issue_text
 from flexviz.data.importing import import_logs, inspect_logs
 from flexviz.data.measurements import MeasurementSet, read_set
 from flexviz.data.noise import white_noise
@@ -77,12 +78,12 @@ def test_a_fault_is_named_with_rows_and_remedy(good: MeasurementSet, name: str, 
     issues = issues_of(tmp_path, good, group, log)
     assert named(kind, issues) == "right", list(map(str, issues))
     issue = next(i for i in issues if i.kind in kind.names)
-    assert re.search(r"rows? \d+|in all rows", issue.message) and "?" in issue.message
+    assert re.search(r"rows? \d+|in all rows", issue_message(issue)) and "?" in issue_message(issue)
     if place is not None:
-        begin, end = map(float, re.findall(r"\(([\d.]+) to ([\d.]+) s\)", issue.message)[0])
+        begin, end = map(float, re.findall(r"\(([\d.]+) to ([\d.]+) s\)", issue_message(issue))[0])
         assert begin == pytest.approx(place[0], abs=0.6) and end == pytest.approx(place[1], abs=0.6)
     if kind.key:
-        assert f"Proposed: {kind.key} = " in issue.message
+        assert f"Proposed: {kind.key} = " in issue_message(issue)
         mended = import_logs(tmp_path / "mapping.toml", None, mend=True)
         assert mended.mended and not {i.kind for i in mended.issues} & set(kind.names)
 
@@ -92,7 +93,7 @@ def test_what_is_no_fault_is_not_named(good: MeasurementSet, name: str, tmp_path
     group = good.fit_groups[0]
     log = log_of(good, group, 0)
     HARMLESS[name](log)
-    assert not [str(issue) for issue in issues_of(tmp_path, good, group, log) if issue.kind in ALL]
+    assert not [issue_text(issue) for issue in issues_of(tmp_path, good, group, log) if issue.kind in ALL]
 
 
 @pytest.mark.parametrize("held", [2, 8])
@@ -123,7 +124,7 @@ def test_given_faults(name: str, tmp_path: Path) -> None:
     kind, signal, cause, proposal = GIVEN[name]
     (issue,) = import_logs(mapping, None).issues
     assert (issue.kind, issue.signal) == (kind, signal) and "joint1" in issue.joints
-    assert cause in issue.message and proposal in issue.message
+    assert cause in issue_message(issue) and proposal in issue_message(issue)
     import_logs(mapping, tmp_path / "set", mend=True)
     found = identify(read_set(tmp_path / "set"))
     assert found.converged
@@ -149,7 +150,7 @@ def test_recordings_have_no_such_fault(name: str, tmp_path: Path) -> None:
     measurements = read_set(folder)
     group = measurements.fit_groups[0]
     issues = issues_of(tmp_path, measurements, group, log_of(measurements, group, 0))
-    assert not [str(issue) for issue in issues if issue.kind in ALL]
+    assert not [issue_text(issue) for issue in issues if issue.kind in ALL]
 
 
 # -- the mapping ---------------------------------------------------------------------------------------------

@@ -19,12 +19,13 @@ from independent.cases import draw
 
 from flexviz.analysis.identification import identify
 from flexviz.base.errors import InputError
+from flexviz.content.wording import issue_text
 from flexviz.data.importing import Inspection, Questions, import_logs, importing, inspect_logs
-from flexviz.data.importing.columns import candidates, find_families
-from flexviz.data.importing.formats import find_logs, open_log
-from flexviz.data.importing.formats.base import Log, LogTable, ReadOptions
-from flexviz.data.importing.mapping import parse
 from flexviz.data.importing.ready_mappings import FOLDER, ready_mappings, recognised
+from flexviz.data.logs.columns import candidates, find_families
+from flexviz.data.logs.formats import find_logs, open_log
+from flexviz.data.logs.formats.base import Log, LogTable, ReadOptions
+from flexviz.data.logs.mapping import parse
 from flexviz.data.measurements import MeasurementSet, read_set
 from tests import controller_logs as logs
 from tests.cases import with_slow
@@ -109,7 +110,7 @@ def imported(
         entry |= {"payload": made.names[i], "validation": i == 3}
     file = folder / "mapping.toml"
     done = import_logs(file, folder / "set", mapping=parse(document, file))
-    assert done.folder is not None, [str(issue) for issue in done.issues]
+    assert done.folder is not None, [issue_text(issue) for issue in done.issues]
     return read_set(done.folder)
 
 

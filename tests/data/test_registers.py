@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.base.errors import InputError
-from flexviz.data.importing.assembling import decoded
+from flexviz.data.logs.assembling import decoded
 from flexviz.data.noise import Channel, check_jumps, sign_magnitude
 
 Array = NDArray[np.float64]

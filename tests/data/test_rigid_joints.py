@@ -13,9 +13,9 @@ from benchmarks.rigid_joints import make_case, rigid_outcome, spoilt, torque_out
 from flexviz import identify, read_set
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Remedy
+from flexviz.checks import Issue
 from flexviz.content.results import hints
-from flexviz.data.importing.mapping import Issue
-from flexviz.data.importing.proposals import Proposal, proposed
+from flexviz.data.logs.proposals import Proposal, proposed
 from flexviz.data.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
 from flexviz.model.equation import Equation, build_signals, layout_of
 from flexviz.model.observers import make_observer
@@ -142,5 +142,5 @@ def test_the_proposal_is_a_key_of_the_model() -> None:
     key = Proposal(("model",), "no_torque", ["j7"])
     assert str(key) == 'no_torque = ["j7"] in [model]'
     assert proposed({"logs": []}, [key])["model"] == {"no_torque": ["j7"]}
-    issue = Issue("no_torque", "odd", ("j7",), "tau", "why", proposals=(key,))
+    issue = Issue("no_torque", "odd", ("j7",), "tau", {"what": {"j7": {"values": (0.0,)}}}, proposals=(key,))
     assert issue.remedies == (key,)

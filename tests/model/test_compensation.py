@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from flexviz.base.errors import InputError
+from flexviz.content.comparing import compare_friction
 from flexviz.content.session import is_session
 from flexviz.data.measurements import read_set
 from flexviz.model.compensation import (
     FrictionTable,
-    compare_friction,
     deflection,
     elasticity_text,
     friction_table,
@@ -135,7 +135,7 @@ def test_removed_by_speed_is_that_of_the_models(tmp_path: Path) -> None:
     measurements = read_set(write_plan(plan, simulate_plan(plan), tmp_path / "set"))
     before = replace(plan.model, link_viscous_friction=np.zeros(2), motor_viscous_friction=np.zeros(2))
     after = replace(before, effects=(EffectValue("coulomb_friction", "joint2", {"coulomb": 0.5}),))
-    first, second = compare_friction(measurements, before, after).joints
+    first, second = compare_friction(measurements, before, after)
     assert (first.before, first.removed) == (0.0, 0.0)
     assert second.removed == pytest.approx(0.75, abs=1e-9) and len(second.speeds) == 5
     assert all(one.removed == pytest.approx(0.75) for one in second.speeds)
@@ -178,7 +178,7 @@ def test_compensate_record_compare(
     shown, document = capsys.readouterr().out, json.loads(out.read_text())
     assert [one["joint"] for one in document["joints"]] == ["joint1", "joint2"]
     assert all(one["removed"] > 0.8 for one in document["joints"])
-    assert "What is left, by the diagnosis of the compensated set:" in shown
+    assert "What is left, by the diagnosis of the second set:" in shown
     dry = EFFECT_FAMILIES["dry_friction"]  # its members differ at reversals, where the reference turns first
     (left,) = [c for c in document["left"]["candidates"] if c["effect"] in dry]
     assert left["joint"] == "joint2"

@@ -1,15 +1,12 @@
-"""Simple laws behind a free curve, and the effect files drafted from them."""
+"""Simple laws behind a free curve."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from flexviz.model.effects import EFFECTS, CurveForm, curve_points, draft_effect, forget_effects, load_effects
+from flexviz.model.effects import CurveForm, curve_points
 from flexviz.model.effects import simple_form as form_of
 from flexviz.model.effects.curve_forms import DIRECTIONS, FAMILIES
 
@@ -29,12 +26,6 @@ LAWS = {
     "exponential": lambda x, v: v["size"] * np.exp(v["rate"] * x),
     "sine": lambda x, v: v["size"] * np.sin(v["order"] * x + v["phase"]),
 }
-
-
-@pytest.fixture
-def own_effects() -> Iterator[None]:
-    yield
-    forget_effects()
 
 
 def named(variable: str, x: np.ndarray, rows: list[np.ndarray], std: float = 0.02) -> CurveForm | None:
@@ -200,32 +191,3 @@ def test_a_form_is_said_in_words() -> None:
     assert text("sine", "backward", "time", "s", size=1.0, order=7.0).startswith(
         "a sine of 1 Nm with 7 rad per s,"
     )
-
-
-def test_a_draft_is_on_the_motor_unless_it_is_said() -> None:
-    form = CurveForm("line", "both", "position", "rad", SIZES["line"], 0.9)
-    assert draft_effect(form, "j", "s") == draft_effect(form, "j", "s", on_link=False)
-    against = CurveForm("bump", "against", "load", "Nm", SIZES["bump"], 0.9)
-    for one, (linear, smooth, state) in ((form, (True, True, False)), (against, (False, False, True))):
-        text = draft_effect(one, "j", "s")
-        assert f"    linear = {linear}\n    smooth = {smooth}\n    state = {state}\n" in text
-    assert "state = True" in draft_effect(form, "j", "s", on_link=True)
-    assert 'ParameterSpec("width", "Nm", lower=0.015, ' in draft_effect(against, "j", "s")  # a twentieth
-
-
-@pytest.mark.parametrize("kind", list(FAMILIES))
-@pytest.mark.parametrize("variable", ["position", "velocity", "load", "time"])
-@pytest.mark.usefixtures("own_effects")
-def test_every_draft_passes_the_checks(kind: str, variable: str, tmp_path: Path) -> None:
-    """Slopes by finite differences, simulation against the law, texts: `load_effects` refuses what fails."""
-    units = {"position": "rad", "velocity": "rad/s", "load": "Nm", "time": "s"}
-    for direction in DIRECTIONS:
-        for on_link in (False, True):
-            values = SIZES[kind] | ({"rate": 0.02} if variable == "load" and kind == "exponential" else {})
-            form = CurveForm(kind, direction, variable, units[variable], values, 0.9)
-            file = tmp_path / f"{direction}_{on_link}.py"
-            file.write_text(draft_effect(form, 'a "joint"\\', "set\n{x}", on_link), encoding="utf-8")
-            (effect,) = load_effects(file)
-            assert effect.name == f"{kind}_of_{variable}" and effect.where == ("link" if on_link else "motor")
-            np.testing.assert_allclose(EFFECTS[effect.name].sizes(), list(values.values()), rtol=1e-4)
-            forget_effects()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis_study.laws import FrictionBump
-from flexviz.analysis.diagnosis import Diagnosis, Step, draft_from_curve, why_no_curve, with_free_curve
+from flexviz.analysis.diagnosis import Diagnosis, Step, why_no_curve, with_free_curve
 from flexviz.analysis.diagnosis.candidates import candidates
 from flexviz.analysis.estimation.prior import Prior, physically_consistent
 from flexviz.analysis.identification import Identification, identify
@@ -27,9 +27,7 @@ from flexviz.model.effects import (
     EffectTarget,
     JointState,
     choose_effects,
-    forget_effects,
     free_curve,
-    load_effects,
 )
 from flexviz.model.effects.trial import TrialMotion, TrialSignal
 from flexviz.model.equation import Layout
@@ -207,6 +205,7 @@ def test_step_of_a_diagnosis(
     document = longer.to_dict()
     (table,) = document["curves"]
     assert table["variable"] == "position" and np.shape(table["value"]) == (2, len(table["at"]))
+    assert "a bump of" in table["form"]
     file = tmp_path / "result.json"
     file.write_text(json.dumps(document))
     assert read_result(file).to_dict()["curves"] == document["curves"]
@@ -273,37 +272,3 @@ def test_an_identified_curve_is_simulated(curved: Identification) -> None:
 def test_command_refuses_a_curve_without_apply(bumpy: MeasurementSet, capsys: Any) -> None:
     assert main(["diagnose", str(bumpy.path), "--free-curve"]) == 2
     assert "--apply" in capsys.readouterr().err
-
-
-def test_drafted_effect_is_fitted_on_the_same_set(
-    bumpy: MeasurementSet, plain: Identification, longer: Diagnosis, tmp_path: Path
-) -> None:
-    draft = draft_from_curve(longer)
-    assert draft is not None and (draft.form.kind, draft.form.direction) == ("bump", "against")
-    assert draft.form.explained > 0.9 and longer.document().curves[0].form == draft.form.fact
-    assert draft.form.values["centre"] == pytest.approx(BUMP.position, abs=0.02)
-    assert draft.form.values["width"] == pytest.approx(BUMP.width, rel=0.1)
-    file = tmp_path / draft.name
-    file.write_text(draft.content, encoding="utf-8")
-    try:
-        (effect,) = load_effects(file)
-        fitted = identify(bumpy, effects=[f"{effect.name}:joint2"])
-    finally:
-        forget_effects()
-    assert fitted.converged and fitted.residual.rms_validation and plain.residual.rms_validation
-    assert fitted.residual.rms_validation[1] < 0.05 * plain.residual.rms_validation[1]
-    assert fitted["bump_of_position.size", "joint2"].value == pytest.approx(BUMP.peak, rel=0.03)
-    assert fitted["bump_of_position.centre", "joint2"].value == pytest.approx(BUMP.position, abs=0.01)
-
-
-def test_no_draft_without_a_form(bumpy: MeasurementSet, plain: Identification) -> None:
-    assert draft_from_curve(found(bumpy, plain)) is None  # its curve is zero
-
-
-def test_command_keeps_an_existing_file(bumpy: MeasurementSet, tmp_path: Path, capsys: Any) -> None:
-    file = tmp_path / "mine.py"
-    file.write_text("mine")
-    assert main(["diagnose", str(bumpy.path), "--draft-effect", str(file)]) == 2
-    assert "exists already" in capsys.readouterr().err and file.read_text() == "mine"
-    assert main(["diagnose", str(bumpy.path), "--draft-effect", str(tmp_path / "mine.txt")]) == 2
-    assert ".py" in capsys.readouterr().err

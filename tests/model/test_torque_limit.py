@@ -14,8 +14,9 @@ from independent.simulator import simulate
 import flexviz
 from flexviz.analysis.diagnosis.seen_limits import limit_findings
 from flexviz.analysis.estimation.whitening import whitener
+from flexviz.base.facts import Fact
 from flexviz.data.importing.checking import check_saturated
-from flexviz.data.measurements import MeasurementSet, Segment, bridged_torque, saturated_text, seen_limits
+from flexviz.data.measurements import MeasurementSet, Segment, bridged_torque, seen_limits
 from flexviz.model.effects import EFFECTS, EffectTarget
 from flexviz.model.effects.torque_limit import SHARES, beyond
 from flexviz.model.equation import build_signals
@@ -110,10 +111,13 @@ def test_plateaus_are_seen(share: float, noise: float) -> None:
 def test_a_limit_on_one_side_and_two_that_differ() -> None:
     (high,) = seen_limits([clipped(swing(), 1, -9.0, 3.0)])
     assert high.joint == 1 and high.upper == pytest.approx(3.0) and high.lower == -np.inf
-    assert "its largest value (3.000 Nm)" in saturated_text([high], ["a", "b"])
     (both,) = seen_limits([clipped(swing(), 0, -7.0, 8.0)])
-    text = saturated_text([both], ["a"])
-    assert text.startswith("tau of a stands at its largest / smallest value (8.000 and −7.000 Nm) in 19")
+    assert (both.lower, both.upper) == pytest.approx((-7.0, 8.0)) and 190 <= both.rows < 200
+    values = {"lower": (None, -7.0), "upper": (3.0, 8.0), "tolerance": (0.0, 0.0), "rows": (80, 195)}
+    assert Fact("torque-saturated", joints=("b", "a"), values=values).text == (
+        "tau of b stands at its largest value (3.000 Nm) in 80 rows; tau of a stands at its largest / "
+        "smallest value (8.000 and −7.000 Nm) in 195 rows: saturated; these rows are left out of fits"
+    )
 
 
 @pytest.mark.parametrize("quantum", [0.01, 0.1])

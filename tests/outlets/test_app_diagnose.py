@@ -278,9 +278,7 @@ def test_a_change_meanwhile_wins(app: Application) -> None:
 
 
 @pytest.mark.slow
-def test_free_curve_is_added_hatched_saved_and_taken_back(
-    app: Application, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_free_curve_is_added_hatched_saved_and_taken_back(app: Application, tmp_path: Path) -> None:
     """Not physics, but with Coulomb friction left out it lowers the error; the history holds it."""
     reopen(app, sessions_dir() / DEMO)
     measurements, start = app.store.measurements, app.store.analysis
@@ -317,13 +315,6 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(
     first, last = (one.step.rms_validation for one in added.model_steps)
     assert first and last and last[1] < 0.2 * first[1]
     assert "(not physics) on joint2" in app.store.session.undoes
-    sent: list[tuple[str, bytes]] = []
-    monkeypatch.setattr(app.page, "send_file", lambda client, name, content: sent.append((name, content)))
-    assert shown._draft.visible
-    use(app, "Draft an effect file")
-    ((name, content),) = sent  # Coulomb friction, found again
-    assert name == "constant_of_velocity.py" and b"class ConstantOfVelocity" in content
-    assert "a step of 3" in status(app) and "where the motion reverses" in status(app)
     assert (
         app.plots._steps.content.count("fv-stair hatched") == 1
         and "(not physics)" in app.plots._steps.content

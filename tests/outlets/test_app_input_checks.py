@@ -15,9 +15,10 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from flexviz.base.errors import InputError
-from flexviz.outlets.app import access
-from flexviz.outlets.app.access import RateLimit, is_loopback
+from flexviz.outlets.app import network
+from flexviz.outlets.app.access import is_loopback
 from flexviz.outlets.app.events import EventQueue
+from flexviz.outlets.app.network import RateLimit
 from flexviz.outlets.app.page import Page
 from flexviz.outlets.app.server import start_server
 
@@ -58,9 +59,18 @@ class Controls:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Any]:
-    server = start_server("127.0.0.1", 0)
+    """Of this machine, but hardened as one that others can reach."""
+    server = start_server("127.0.0.1", 0, "secret")
     yield server
     server.stop()
+
+
+def connected(server: Any, **more: Any) -> ClientConnection:
+    port = server.get_port()
+    headers = {"Cookie": f"flexviz_{port}=secret"} | more
+    return connect(
+        f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], max_size=None, additional_headers=headers
+    )
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +80,7 @@ def controls(server: Any) -> Controls:
 
 @pytest.fixture
 def client(server: Any) -> Iterator[Any]:
-    with connect(f"ws://127.0.0.1:{server.get_port()}", subprotocols=[PROTOCOL], max_size=None) as connection:
+    with connected(server) as connection:
         connection.send(camera())
         yield connection
 
@@ -269,8 +279,7 @@ GARBAGE = {
 def test_garbage_ends_only_its_own_connection(
     server: Any, client: ClientConnection, controls: Controls, garbage: Any, caplog: Any
 ) -> None:
-    url = f"ws://127.0.0.1:{server.get_port()}"
-    with connect(url, subprotocols=[PROTOCOL], max_size=None) as other:
+    with connected(server) as other:
         other.send(garbage)
         with pytest.raises(ConnectionClosed):
             [other.recv(timeout=5) for _ in range(1000)]
@@ -321,15 +330,23 @@ def test_other_machines_need_the_token(monkeypatch: pytest.MonkeyPatch) -> None:
         server.stop()
 
 
-def test_no_other_page_can_frame_this_one(server: Any) -> None:
-    headers = answer_for(server.get_port()).headers
+@pytest.fixture(scope="module")
+def plain() -> Iterator[int]:
+    """The port of a server for this machine alone."""
+    server = start_server("127.0.0.1", 0)
+    yield server.get_port()
+    server.stop()
+
+
+def test_no_other_page_can_frame_this_one(plain: int) -> None:
+    headers = answer_for(plain).headers
     assert headers["X-Frame-Options"] == "DENY" and headers["X-Content-Type-Options"] == "nosniff"
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
 
 
 def test_malformed_frames_do_not_fill_the_log(server: Any, caplog: pytest.LogCaptureFixture) -> None:
     for _ in range(60):
-        with connect(f"ws://127.0.0.1:{server.get_port()}", subprotocols=[PROTOCOL], max_size=None) as one:
+        with connected(server) as one:
             one.send(b"not msgpack")
             with pytest.raises(ConnectionClosed):
                 while True:
@@ -339,17 +356,17 @@ def test_malformed_frames_do_not_fill_the_log(server: Any, caplog: pytest.LogCap
 
 def test_what_was_not_logged_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr(access.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(network.time, "monotonic", lambda: now[0])
     limit = RateLimit()
     record = lambda: logging.LogRecord("x", logging.WARNING, "", 0, "no %s", ("value",), None)  # noqa: E731
-    assert sum(limit.filter(record()) for _ in range(100)) == access.LOG_LINES
-    now[0] = access.LOG_PERIOD
+    assert sum(limit.filter(record()) for _ in range(100)) == network.LOG_LINES
+    now[0] = network.LOG_PERIOD
     last = record()
     assert limit.filter(last) and last.getMessage() == "no value (80 more were not logged)"
 
 
-def test_pages_of_other_sites_are_refused(server: Any) -> None:
-    port = server.get_port()
+def test_pages_of_other_sites_are_refused(plain: int) -> None:
+    port = plain
     assert status_for(port) == 200
     assert status_for(port, Host=f"localhost:{port}") == 200
     assert status_for(port, Host=f"evil.example:{port}") == 403
@@ -360,10 +377,10 @@ def test_pages_of_other_sites_are_refused(server: Any) -> None:
 @pytest.mark.parametrize(
     "headers", [{"Origin": "http://evil.example"}, {"Origin": "null"}, {"Host": "evil.example"}]
 )
-def test_websockets_of_other_sites_are_refused(server: Any, headers: dict[str, str]) -> None:
+def test_websockets_of_other_sites_are_refused(plain: int, headers: dict[str, str]) -> None:
     with pytest.raises(InvalidStatus) as refused:
         connect(
-            f"ws://127.0.0.1:{server.get_port()}",
+            f"ws://127.0.0.1:{plain}",
             subprotocols=[PROTOCOL],
             additional_headers=headers,
         )

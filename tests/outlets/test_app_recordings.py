@@ -1,4 +1,4 @@
-"""Live recordings of the app: to a file, to a viewer, and what is said where that fails."""
+"""Recordings of the app, while one works and at any time, and what is said where that fails."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import asyncio
 import re
 import resource
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,9 +19,8 @@ from urllib.request import urlopen
 import pytest
 
 from benchmarks.clients import CAMERA, Crowd, messages, packed
-from flexviz.base.errors import InputError
 from flexviz.outlets.app.application import Application
-from flexviz.outlets.app.recordings import local_address, model_label
+from flexviz.outlets.app.recordings import model_label
 from flexviz.outlets.app.steps.data import DataStep
 from flexviz.outlets.app.steps.files import Files
 from flexviz.outlets.app.workspace import output_dir
@@ -115,64 +113,6 @@ class Browser:
 
     def add_notification(self, *_: Any, **__: Any) -> None:
         pass
-
-
-def test_a_viewer_that_is_not_there_is_said_and_leaves_the_app_usable(app: Application) -> None:
-    files = files_of(app)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        files._address.value = f"127.0.0.1:{free.getsockname()[1]}"
-    use(app, "Live viewer", True)
-    until(app, lambda: not files._live.value)
-    assert "no Rerun viewer answers" in status(app) and "bad" in status(app)
-    assert not files._address.disabled and not app.store.running
-    files._address.value = "example.org:9876"
-    use(app, "Live viewer", True)
-    assert not files._live.value and "not on this machine" in status(app)
-    use(app, "Record", True)
-    until(app, lambda: files_of(app).recordings.size() > 0)
-    use(app, "Record", False)
-    until(app, lambda: "Recorded in" in files._note.content)
-
-
-def test_a_viewer_that_goes_away_takes_nothing_with_it(
-    app: Application, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Recording:
-        file, failure, lost_viewer, told = None, "", "", []
-
-        def __init__(self, *_: Any, viewer: str | None, **__: Any) -> None:
-            assert viewer == "127.0.0.1:9876"
-
-        def close(self) -> None:
-            self.told.append("close")
-
-        def __getattr__(self, name: str) -> Any:
-            return lambda *_: self.told.append(name)
-
-    monkeypatch.setattr("flexviz.outlets.recording.LiveRecording", Recording)
-    files_of(app)._address.value = "127.0.0.1:9876"
-    use(app, "Live viewer", True)
-    until(app, lambda: "Sent to 127.0.0.1:9876" in files_of(app)._note.content)
-    assert "note" in Recording.told
-    recording: Any = files_of(app).recordings._wanted["viewer"].recording
-    recording.lost_viewer = "connection refused"
-    until(app, lambda: not files_of(app)._live.value)
-    assert "the Rerun viewer has disconnected" in status(app)
-    until(app, lambda: "close" in Recording.told)
-
-
-@pytest.mark.parametrize("text", ["", "9876", "127.0.0.1:9", "localhost", "rerun+http://127.0.0.1:9/proxy"])
-def test_viewers_on_this_machine(text: str) -> None:
-    assert local_address(f" {text} ") == text
-
-
-@pytest.mark.parametrize(
-    "text", ["example.org", "10.0.0.1:9876", "rerun+http://10.0.0.1/proxy", "http://[", "a b"]
-)
-def test_other_machines_are_not_called(text: str) -> None:
-    with pytest.raises(InputError, match="not on this machine"):
-        local_address(text)
 
 
 def test_models_have_names() -> None:

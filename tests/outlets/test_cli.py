@@ -150,7 +150,6 @@ def test_help_loads_nothing_heavy() -> None:
         (["record", "{set}", "--out", "{set}/no/folder.rrd"], "folder"),
         (["record", "{set}", "--out", "{set}/x.txt"], "ends in .rrd"),
         (["review", "{set}/x.rrd", "--out", "{set}/x.txt"], "ends in .rrd"),
-        (["diagnose", "{set}", "--draft-effect", "{set}/law"], "ends in .py"),
         (["effects", "backslash"], 'did you mean "backlash"?'),
         (["effects", "--json", "{set}/no/such/folder.json"], "does not exist"),
     ],

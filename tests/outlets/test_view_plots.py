@@ -30,18 +30,12 @@ from flexviz.content.charts.chart import MAX_POINTS, TIME, finite, thin, time_ch
 from flexviz.content.records import JointErrors
 from flexviz.content.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.content.wording import number
-from flexviz.data.measurements import MeasurementSet, read_set
+from flexviz.data.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.model.observers import OBSERVERS, make_observer
 from flexviz.outlets.app.uplot import _scales, columns, nearest
-from flexviz.outlets.view import BeforeAfter, shape_charts
+from flexviz.outlets.view import BeforeAfter, numbers_html, shape_charts, signals_charts, states_charts
 from flexviz.outlets.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
-from flexviz.outlets.view.time_charts import (
-    numbers_html,
-    observer_for,
-    signals_charts,
-    states_charts,
-    stretch,
-)
+from flexviz.outlets.view.time_charts import observer_for, stretch
 from tests.small_set import write_small_set
 
 
@@ -124,8 +118,6 @@ def test_numbers_say_lag_and_noise(name: str) -> None:
 
 def test_bandwidth_to_plot_data_in_time(tmp_path: Any) -> None:
     """20 s × 1 kHz × 7 joints, one joint shown; the promise is 50 ms, here with slack for a busy machine."""
-    from flexviz.data.measurements import Group, Segment
-
     t = np.arange(20000) * 0.001
     theta = np.sin(np.outer(t, np.arange(1, 8)))
     segment = Segment(t, theta, 5 * theta, 0.001)

@@ -114,19 +114,13 @@ def _verdict(result: ResultDocument, limits: AcceptanceLimits) -> AcceptanceLine
 
 def _errors(result: ResultDocument, joints: Sequence[str]) -> JointErrors | None:
     """Errors on the held-out groups; None without any."""
-    if result.steps:
-        last, spread = result.steps[-1], result.torque_spread
-        units = last.units
-        names = result.torque.joints if result.torque is not None else joints
-        rms = last.rms_validation
-    elif result.residual is not None:
-        of = result.residual
-        rms, spread, names, units = of.rms_validation, of.torque_spread, of.joints, of.units
-    else:
+    of = result.final_errors
+    if of is None:
         raise InputError(f"the result of {result.set} has no errors per joint, expected those of a diagnosis")
-    if list(names) != list(joints):
-        raise InputError(f"the result is of the joints {', '.join(names)}, the set has {', '.join(joints)}")
-    return JointErrors(rms, spread, units=units) if rms else None
+    if list(of.joints) != list(joints):
+        names = ", ".join(of.joints)
+        raise InputError(f"the result is of the joints {names}, the set has {', '.join(joints)}")
+    return JointErrors(of.rms_validation, of.torque_spread, units=of.units) if of.rms_validation else None
 
 
 def _held_out(

@@ -1,7 +1,7 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.analysis.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.analysis.diagnosis.curve_step import CurveDraft, draft_from_curve, why_no_curve, with_free_curve
+from flexviz.analysis.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.analysis.diagnosis.curves import fit_free_curve
 from flexviz.analysis.diagnosis.fit_context import Fit, FitContext
 from flexviz.analysis.diagnosis.pipeline import diagnose
@@ -25,7 +25,6 @@ __all__ = [
     "DIRECTION_GAIN",
     "BandwidthCheck",
     "BestModel",
-    "CurveDraft",
     "Diagnosis",
     "Evidence",
     "Finding",
@@ -37,7 +36,6 @@ __all__ = [
     "TorqueOverTime",
     "check_bandwidth",
     "diagnose",
-    "draft_from_curve",
     "errors_along",
     "fit_free_curve",
     "locate_residual",

@@ -1,9 +1,9 @@
-"""The free curve of a diagnosis that ended with "unknown", as a further step or as a draft of an effect."""
+"""The free curve of a diagnosis that ended with "unknown", as a further step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -21,9 +21,8 @@ from flexviz.analysis.identification import parameter_estimates
 from flexviz.analysis.motion import MotionContext
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
-from flexviz.content.records import curve_tables
 from flexviz.data.measurements import MeasurementSet
-from flexviz.model.effects import EFFECTS, ChosenEffect, CurveForm, draft_effect, free_curve
+from flexviz.model.effects import ChosenEffect, free_curve
 from flexviz.model.equation import layout_of
 
 # kinds of notes that are renewed, or are of the model without the curve
@@ -113,34 +112,3 @@ def with_free_curve(
             free_curve=left,
             guard=None,
         )
-
-
-@dataclass(frozen=True)
-class CurveDraft:
-    """A drafted effect file: the simple law, the joint of the curve, and the file's content in Python."""
-
-    form: CurveForm
-    joint: str
-    content: str
-
-    @property
-    def name(self) -> str:
-        """Of the file."""
-        return f"{self.form.kind}_of_{self.form.variable}.py"
-
-
-def draft_from_curve(diagnosis: Diagnosis) -> CurveDraft | None:
-    """The effect drafted from the last free curve of the model, or else from that of the residual.
-
-    None if there is no curve, or none that resembles a simple law.
-    """
-    for table in reversed(curve_tables(diagnosis.parameters)):
-        form = table.simple_form()
-        if form is not None and table.joint is not None:
-            link = EFFECTS[table.effect].where == "link"
-            return CurveDraft(form, table.joint, draft_effect(form, table.joint, diagnosis.set_name, link))
-    curve = diagnosis.free_curve
-    form = curve.simple_form() if curve is not None and curve.form else None
-    if curve is None or form is None or not curve.effects:
-        return None
-    return CurveDraft(form, curve.joint, draft_effect(form, curve.joint, diagnosis.set_name))

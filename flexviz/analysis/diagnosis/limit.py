@@ -34,7 +34,7 @@ def detection_limit(context: MotionContext, left: Sequence[float]) -> DetectionL
 def _reason(context: MotionContext, joint: int) -> LimitReason:
     segments = [s for g in context.measurements.fit_groups for s in g.segments]
     if context.least[joint] <= MOTION.tolerance * context.spread[joint]:
-        return "filter" if filtered_before_writing(segments).text else "tolerance"
+        return "tolerance" if filtered_before_writing(segments).hertz is None else "filter"
     return "resolution" if _stepped(segments, joint) else "noise"
 
 

@@ -47,6 +47,7 @@ from flexviz.base.facts import Fact
 from flexviz.base.parallel import existing_objects_kept, stopped_by
 from flexviz.base.progress import ProgressCallback, StopCallback, never
 from flexviz.base.search import Tried
+from flexviz.checks import recording_entries
 from flexviz.content.records import CriterionNumbers, Decoys, DetectionLimit, Move, Resolution, Verdict
 from flexviz.data.measurements import MeasurementSet, set_of
 from flexviz.data.noise import filtered_before_writing, noise_notes
@@ -110,7 +111,8 @@ def diagnose(
         if progress is not None and not result.stopped:
             progress(course.pace.done())
         del course  # before what it leaves is collected
-    return replace(result, notes=(*result.notes, *notes))
+    recording = recording_entries(measurements, should_stop)
+    return replace(result, notes=(*result.notes, *notes), recording=recording)
 
 
 def _described(course: Course, apply: bool, guard: bool | None, free_curve: bool | None) -> Diagnosis:

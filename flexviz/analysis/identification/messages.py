@@ -33,11 +33,14 @@ def groups_not_used(result: Identification, groups: Sequence[Group]) -> Iterator
 
 
 def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
-    """Joints whose torque is no signal, and what it is instead."""
+    """Joints whose torque is no signal: its few levels, or the share of it that the motion explains."""
     if found := silent_joints(measurements):
-        names = tuple(found)
-        why = {"why": tuple(found.values())}
-        yield Fact("no-torque", "wrong", names, values=why, remedy=Remedy("model.no_torque", names, "set"))
+        names, remedy = tuple(found), Remedy("model.no_torque", tuple(found), "set")
+        instead = {
+            "levels": tuple(tuple(what.get("values", ())) for what in found.values()),
+            "explained": tuple(what.get("share") for what in found.values()),
+        }
+        yield Fact("no-torque", "wrong", names, values=instead, remedy=remedy)
 
 
 def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:

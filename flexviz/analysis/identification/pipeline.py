@@ -41,6 +41,7 @@ from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback
+from flexviz.checks import recording_entries
 from flexviz.content.records import ResidualSummary, normalised
 from flexviz.data.measurements import Group, MeasurementSet, set_of
 from flexviz.data.noise import check_signals, segments_noise
@@ -104,7 +105,8 @@ def identify(
         *result.facts, *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model),
         *torques_without_signal(measurements), *saturated_torques(measurements),
     )  # fmt: skip
-    return remember(replace(result, facts=facts, seconds=time.perf_counter() - began), measurements)
+    result = replace(result, facts=facts, recording=recording_entries(measurements, should_stop))
+    return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 
 
 def _with_noise_share(residual: ResidualSummary, of_torque: Sequence[float]) -> ResidualSummary:

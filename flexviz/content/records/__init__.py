@@ -40,6 +40,7 @@ from flexviz.content.records.parameters import (
     is_determined,
 )
 from flexviz.content.records.protocols import DiagnosisLike, ErrorsLike
+from flexviz.content.records.recording import RecordingEntry
 from flexviz.content.records.shares import FindingKey, finding_key, found_shares, step_shares
 from flexviz.content.records.trace import Decoys, Move
 
@@ -75,6 +76,7 @@ __all__ = [
     "NoteKind",
     "ObserverEntry",
     "ParameterEstimate",
+    "RecordingEntry",
     "ResidualLocation",
     "ResidualMap",
     "ResidualSummary",

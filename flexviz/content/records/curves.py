@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from flexviz.base.facts import Fact
 from flexviz.base.fields import RECORD, Column, Counts, Real, Rows, Said, check_lengths
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.records.parameters import ParameterEstimate
@@ -27,8 +26,6 @@ from flexviz.model.effects import (
 )
 
 Array = NDArray[np.float64]
-
-NOT_PHYSICS = Fact("curve-not-physics")
 
 
 @dataclass(frozen=True, config=RECORD)
@@ -88,6 +85,7 @@ class FreeCurve:
         std: shape (S, M), its standard error [Nm].
         explained, explained_std: share of the joint's residual predicted out of sample; its standard error.
         smoothing: variance of an independent sample, relative to which the curve's prior counts [Nm²].
+        note: what every such curve is.
         form: the simple law that the curve resembles; "" if there is none.
     """
 
@@ -101,7 +99,7 @@ class FreeCurve:
     explained: Real
     explained_std: Real
     smoothing: Real
-    note: Said = NOT_PHYSICS
+    note: Said = ""
     form: Said = ""
 
     @property

@@ -50,7 +50,8 @@ class ResidualSummary:
         joints: their names.
         rms: over the fitted groups, in the band of all errors and in units of the recorded torque.
         rms_validation: over the validation groups; None without any.
-        noise_floor: rms due to measurement noise alone: of the recording, the same for all models of a set.
+        noise_floor: rms due to measurement noise alone: of the recording, the same for all models of a set;
+            empty if unknown.
         torque_spread: standard deviation of the recorded torque over all groups; empty if unknown.
         rms_between_reversals: rms over the samples of the fitted groups that no reversal and no crossing of a
             gap disturbs; empty if the model has no effect whose torque is unknown there.
@@ -73,9 +74,8 @@ class ResidualSummary:
         lists: dict[str, Sized | None] = {
             "rms": self.rms,
             "rms_validation": self.rms_validation,
-            "noise_floor": self.noise_floor,
         }
-        for name in ("torque_spread", "rms_between_reversals", "noise_share", "units"):
+        for name in ("noise_floor", "torque_spread", "rms_between_reversals", "noise_share", "units"):
             lists[name] = getattr(self, name) or None
         check_lengths(len(self.joints), "one per joint", **lists)
         return self

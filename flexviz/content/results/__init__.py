@@ -4,7 +4,9 @@ from flexviz.content.results.assessment import assessment, at_bounds, hints, lac
 from flexviz.content.results.bandwidth import BandwidthCheck, GuardEntry, ParameterCurve
 from flexviz.content.results.charts import evidence_chart, staircase_chart
 from flexviz.content.results.document import (
+    SUFFIXES,
     ResultDocument,
+    checked_document,
     curve_entries,
     json_schema,
     note_entries,
@@ -19,6 +21,7 @@ from flexviz.content.results.summary import WIDE, markdown, parts, run_lines
 from flexviz.content.results.tables import in_ascii, interval, plain_table
 
 __all__ = [
+    "SUFFIXES",
     "WIDE",
     "BandwidthCheck",
     "DataFrame",
@@ -31,6 +34,7 @@ __all__ = [
     "ResultDocument",
     "assessment",
     "at_bounds",
+    "checked_document",
     "curve_entries",
     "evidence_chart",
     "find_parameter",

@@ -65,6 +65,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
         )
     skipped = {note.text for note in result.typed_notes if spread and note.kind in wording.SAID_AS_SHARES}
     skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason
+    out += [f"recording: {entry.message}" for entry in result.recording]
     out += [f"note: {note}" for note in result.notes if note not in skipped]
     out += [f"note: {hint}" for hint in hints(result.all_parameters)]
     return [*out, "stopped; this is what was found so far"] if result.stopped else out

@@ -108,10 +108,10 @@ def read_result(file: str | Path) -> ResultDocument:
         data = json.loads(text) if suffix == ".json" else _yaml(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"not valid {suffix[1:].upper()} ({error})", file=file) from None
-    return checked(data, file)
+    return checked_document(data, file)
 
 
-def checked(data: Any, file: Path) -> ResultDocument:
+def checked_document(data: Any, file: Path) -> ResultDocument:
     """The validated document of `data` from `file`."""
     if not isinstance(data, dict) or not {"parameters", "model"} & data.keys():
         raise InputError(

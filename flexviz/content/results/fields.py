@@ -25,6 +25,7 @@ from flexviz.content.records import (
     Note,
     ObserverEntry,
     ParameterEstimate,
+    RecordingEntry,
     ResidualLocation,
     ResidualMap,
     ResidualSummary,
@@ -43,10 +44,12 @@ class EveryResult:
     Attributes:
         stopped: whether the user stopped it; the result is what it had.
         link_side: what the link encoders show of the stiffness; empty without any.
+        recording: what the robot contradicts in the recording; mostly nothing.
     """
 
     stopped: bool = False
     link_side: Annotated[tuple[LinkSide, ...], Field(exclude_if=operator.not_)] = ()
+    recording: Annotated[tuple[RecordingEntry, ...], Field(exclude_if=operator.not_)] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,6 +162,18 @@ class ResultFields(BaseModel, FitFields, DiagnosisFields, frozen=True):
     def torque_spread(self) -> tuple[float, ...]:
         """Standard deviation of the recorded torque per joint [Nm]; empty if unknown."""
         return () if self.torque is None else self.torque.spread
+
+    @property
+    def final_errors(self) -> ResidualSummary | None:
+        """Errors of the final model, or of the fit; None where the document has none."""
+        if not self.steps or not self.steps[-1].rms:
+            return self.residual
+        last, known = self.steps[-1], self.torque
+        joints = tuple(dict.fromkeys(p.joint for p in self.all_parameters if p.joint))
+        return ResidualSummary(
+            joints if known is None else known.joints,
+            last.rms, last.rms_validation, last.noise_floor, self.torque_spread, units=last.units,
+        )  # fmt: skip
 
     @property
     def findings(self) -> tuple[CandidateEffect, ...]:

@@ -98,6 +98,7 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
 def run_lines(result: ResultFields) -> list[str]:
     """Facts about the run of an identification."""
     lines = [f"{result.set}: {result.message}"]
+    lines += [f"recording: {entry.message}" for entry in result.recording]
     if result.observer is not None and result.seconds is not None:
         lines.append(
             f"{result.iterations} iterations in {result.seconds:.2f} s; observer {result.observer.name}, "

@@ -1,7 +1,6 @@
-"""Analysis sessions: state, history, saving, autosave and comparison."""
+"""Analysis sessions: state, history, saving and autosave."""
 
 from flexviz.content.session.autosave import Autosave, Unsaved, find_unsaved
-from flexviz.content.session.comparing import ParameterRow, SessionComparison, SessionSummary, compare
 from flexviz.content.session.document import SESSION_FILE
 from flexviz.content.session.history import effect_added, first_fit, fit_before, runs
 from flexviz.content.session.loading import OpenedSession, is_session, open_session, relocate
@@ -28,15 +27,11 @@ __all__ = [
     "Autosave",
     "ModelStep",
     "OpenedSession",
-    "ParameterRow",
     "ResultStanding",
     "Session",
     "SessionChanged",
-    "SessionComparison",
-    "SessionSummary",
     "Settings",
     "Unsaved",
-    "compare",
     "diagnosed_models",
     "effect_added",
     "find_unsaved",

@@ -31,7 +31,7 @@ from flexviz.content.wording.estimates import (
     interval_words,
     told,
 )
-from flexviz.content.wording.facts import fact_text, says
+from flexviz.content.wording.facts import fact_text
 from flexviz.content.wording.findings import (
     ALONG,
     FAMILY_TITLES,
@@ -57,6 +57,7 @@ from flexviz.content.wording.findings import (
     where_text,
 )
 from flexviz.content.wording.glossary import GLOSSARY, Term, with_terms
+from flexviz.content.wording.issues import general, issue_message, issue_text, keys_text
 from flexviz.content.wording.merging import (
     LIKELY,
     Families,

@@ -8,16 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.data.importing.assembling import AssembledGroup
-from flexviz.data.importing.mapping import Issue, Mapping
-from flexviz.data.importing.plausibility import check_groups
-from flexviz.data.importing.proposals import Proposal
+from flexviz.checks import Issue, check_groups, check_references
 from flexviz.data.importing.samples import SPOILT, check_samples, without_stretches
+from flexviz.data.logs import AssembledGroup, Mapping, Proposal
 from flexviz.data.measurements import (
-    SATURATED,
     Segment,
     TorqueRun,
-    no_torque_text,
     pieces,
     seen_limits,
     silent_torques,
@@ -53,7 +49,12 @@ def check_all(
     found += [issue for issue in samples if issue.kind not in SPOILT]
     quiet = {joint for issue in silent for joint in issue.joints}
     told = [issue for issue in found if issue.kind != "unexplained" or not quiet.issuperset(issue.joints)]
-    return [*told, *silent, *check_saturated(mapping, groups)]
+    return [
+        *told,
+        *silent,
+        *check_references(mapping, [group.table for group in groups]),
+        *check_saturated(mapping, groups),
+    ]
 
 
 def _without_torques(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[AssembledGroup]:
@@ -86,8 +87,7 @@ def check_silent(
     if not found or len(found) + len(stated) == robot.n:
         return []
     key = Proposal(("model",), "no_torque", [*stated, *found])
-    message = f"{no_torque_text(found)}: the motion of such a joint counts all the same"
-    return [Issue("no_torque", "odd", tuple(found), "tau", message, proposals=(key,))]
+    return [Issue("no_torque", "odd", tuple(found), "tau", {"what": found}, proposals=(key,))]
 
 
 def check_saturated(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]:
@@ -96,7 +96,8 @@ def check_saturated(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[
     for table in (group.table for group in groups):
         step = float(np.median(np.diff(table.time)))
         segments += [Segment(table.time[p], table.theta[p], table.tau[p], step) for p in pieces(table.time)]
-    return [
-        Issue("saturated", "odd", (mapping.names[one.joint],), "tau", f"it {one.text}: {SATURATED}")
-        for one in seen_limits(segments)
-    ]
+    found = []
+    for one in seen_limits(segments):
+        values = {name: getattr(one, name) for name in ("lower", "upper", "tolerance", "rows")}
+        found.append(Issue("saturated", "odd", (mapping.names[one.joint],), "tau", values))
+    return found

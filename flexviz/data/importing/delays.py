@@ -18,15 +18,19 @@ from flexviz.base._scipy import sp
 from flexviz.base.errors import FlexvizError
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback
 from flexviz.base.statistics import NORMAL_95
-from flexviz.data.importing.assembling import Trace, Traces
-from flexviz.data.importing.formats.base import SHORTEST
-from flexviz.data.importing.mapping import Issue
-from flexviz.data.importing.thresholds import LIMITS
+from flexviz.checks import Issue
+from flexviz.data.logs import SHORTEST, Trace, Traces
 from flexviz.data.measurements import Array, Group, MeasurementSet
 
 BAND = 8.0  # [Hz] both sides are compared below this
 LARGEST_GRID = 1 << 18  # of the uniform clock on which they are compared
 DELAY_ROUNDS = 4  # of refining a delay
+SAME_VELOCITY = 0.6  # correlation of the velocities of θ and q above which both show one motion
+CLOCK_OFFSET = 2e-3  # [s] a smaller offset of the link clock is normal (driver latency)
+SMALLEST_DELAY = 1e-3  # [s] friction unknown to the model can look like a shorter one
+SIGMAS = 5.0  # standard errors by which a delay must differ from 0
+EXPLAINED = 0.99  # share of τ that the model must explain; only then is a delay trusted
+EXPLAINED_LOOSELY = 0.9  # the same if the delay changes the torque by more than is left unexplained
 DELAY_GROUPS, DELAY_SECONDS = 4, 20.0  # groups, and [s] of each, enough for a delay common to all joints
 
 
@@ -52,7 +56,7 @@ class ClockOffset:
     @property
     def significant(self) -> bool:
         """Whether it is larger than drivers and the estimate's error explain."""
-        return abs(self.delay) >= max(LIMITS.clock_offset, LIMITS.delay_sigmas * self.std)
+        return abs(self.delay) >= max(CLOCK_OFFSET, SIGMAS * self.std)
 
 
 def in_ms(delay: float, error: float) -> str:
@@ -123,7 +127,7 @@ def coarse_delay(pairs: list[tuple[Trace, Trace]], step: float) -> float | None:
         total = total + np.abs(sp.signal.correlate(*both, mode="full", method="fft"))
         powers += np.array([float(speed @ speed) / size**2 for speed in speeds])
     best = int(np.argmax(total))
-    if not powers.all() or np.max(total) < LIMITS.same_velocity * np.sqrt(np.prod(powers)):
+    if not powers.all() or np.max(total) < SAME_VELOCITY * np.sqrt(np.prod(powers)):
         return None
     return float(sp.signal.correlation_lags(counts[1], counts[0])[best]) * step + starts[1] - starts[0]
 
@@ -229,7 +233,7 @@ def torque_delay(
     # what the delay itself moves must be more than what stays unexplained, unless nearly nothing does
     rates = [np.gradient(low_pass(s.tau.T, s.step), s.step, axis=1).T for s in segments]
     moved = found[0].value ** 2 * float(np.sum(np.mean([np.var(rate, axis=0) for rate in rates], axis=0)))
-    if share < LIMITS.torque_explained_loosely or (share < LIMITS.torque_explained and moved < left):
+    if share < EXPLAINED_LOOSELY or (share < EXPLAINED and moved < left):
         return None
     worst = measurements.joints[j], 1.0 - float(squares[j] / powers[j])
     return DelayEstimate(found[0].value, found[0].std, share, worst)
@@ -246,11 +250,7 @@ def shortened(group: Group) -> Group:
 def delay_issues(delay: DelayEstimate, measurements: MeasurementSet) -> list[Issue]:
     """A delay that is certain, and longer than sampling and friction explain."""
     step = max(segment.step for group in measurements.groups for segment in group.segments)
-    if abs(delay.seconds) < max(LIMITS.smallest_delay, step, LIMITS.delay_sigmas * delay.std):
+    if abs(delay.seconds) < max(SMALLEST_DELAY, step, SIGMAS * delay.std):
         return []
-    message = (
-        f"torque and acceleration disagree in time: {delay.text} "
-        f"({abs(delay.seconds) / step:.2g} samples); "
-        'time.shift corrects it where tau has a clock of its own, the effect "torque_delay" fits it'
-    )
-    return [Issue("delay", "odd", measurements.joints, "tau", message)]
+    values = {"text": delay.text, "samples": abs(delay.seconds) / step, "delay": delay.seconds}
+    return [Issue("delay", "odd", measurements.joints, "tau", values)]

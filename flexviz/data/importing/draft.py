@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.base import toml
-from flexviz.data.importing.formats import LogSource
-from flexviz.data.importing.mapping import SIGNALS, Fix, Mapping, parse
-from flexviz.data.importing.proposals import Proposal, proposed
+from flexviz.data.logs import SIGNALS, Fix, LogSource, Mapping, Proposal, parse_mapping, proposed
 from flexviz.data.measurements import TorqueSide
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import is_library_robot
@@ -89,7 +87,7 @@ class Draft:
 
     def mapping(self) -> Mapping:
         """The mapping, checked; paths are as they were given. InputError where something is missing."""
-        return parse(self.document(Path.cwd()), Path("mapping"))
+        return parse_mapping(self.document(Path.cwd()), Path("mapping"))
 
     def document(self, folder: Path) -> dict[str, Any]:
         """The content of the file, with paths relative to its folder."""

@@ -8,10 +8,9 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from flexviz.base.errors import InputError
-from flexviz.data.importing.column_names import CURRENT
 from flexviz.data.importing.draft import DEFAULTS, Draft, DraftJoint
-from flexviz.data.importing.mapping import NEEDED
 from flexviz.data.importing.previewing import LogPreview
+from flexviz.data.logs import CURRENT, NEEDED
 
 Constant = Literal["gear", "torque_constant"]
 LARGEST = 1e9  # of a typed number

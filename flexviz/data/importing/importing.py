@@ -12,7 +12,8 @@ import numpy as np
 from flexviz.base.errors import InputError
 from flexviz.base.files import named_errors, temporary_folder, whole_folder
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
-from flexviz.data.importing.assembling import AssembledGroup, assemble
+from flexviz.checks import Issue
+from flexviz.content.wording import issue_message
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import (
     ClockOffset,
@@ -21,11 +22,19 @@ from flexviz.data.importing.delays import (
     delay_issues,
     torque_delay,
 )
-from flexviz.data.importing.formats import LogSource, open_run
-from flexviz.data.importing.formats.base import ReadOptions, check_stop
-from flexviz.data.importing.mapping import Issue, Mapping, parse, read_mapping
-from flexviz.data.importing.proposals import proposed
 from flexviz.data.importing.samples import SPOILT
+from flexviz.data.logs import (
+    AssembledGroup,
+    LogSource,
+    Mapping,
+    ReadOptions,
+    assemble,
+    check_stop,
+    open_run,
+    parse_mapping,
+    proposed,
+    read_mapping,
+)
 from flexviz.data.measurements import (
     GroupTable,
     MeasurementSet,
@@ -98,7 +107,7 @@ class Imported:
             "groups": groups,
             "clock_offsets": [asdict(offset) for offset in self.offsets],
             "torque_delay": delay,
-            "suspicions": [asdict(issue) for issue in self.issues],
+            "suspicions": [issue_json(issue) for issue in self.issues],
             "mended": list(self.mended),
             "warnings": list(self.warnings),
         }
@@ -183,7 +192,7 @@ def read_and_check(
         mended += [text for text in keys if text not in mended]
         document = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
         document = proposed(document, (proposal for issue in found for proposal in issue.proposals))
-        mapping = parse(document, file).for_joints(robot.prismatic, file)
+        mapping = parse_mapping(document, file).for_joints(robot.prismatic, file)
         robot = robot.mounted(mapping.gravity or robot.gravity)
     return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]
 
@@ -231,11 +240,8 @@ def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
         if not offset.significant:
             continue
         total = mapping.time.shift.get(offset.clock, 0.0) - offset.delay
-        message = (
-            f'in {offset.group} the clock of "{offset.clock}" is {offset.text}; '
-            f'[time] shift."{offset.clock}" = {total:.6g} would correct it'
-        )
-        found.append(Issue("clock", "odd", mapping.names, "q", message))
+        values = {"group": offset.group, "clock": offset.clock, "text": offset.text, "shift": total}
+        found.append(Issue("clock", "odd", mapping.names, "q", values))
     return found
 
 
@@ -283,3 +289,17 @@ def read_back(new: Path, target: Path) -> MeasurementSet:
         raise InputError(message, file=file, place=error.place) from None
     warnings = tuple(warning.replace(place, str(target)) for warning in measurements.warnings)
     return replace(measurements, warnings=warnings)
+
+
+def issue_json(issue: Issue) -> dict[str, Any]:
+    """An issue as plain data, and in words."""
+    return {
+        "kind": issue.kind,
+        "severity": issue.severity,
+        "joints": list(issue.joints),
+        "signal": issue.signal,
+        "message": issue_message(issue),
+        "values": dict(issue.values),
+        "fixes": [asdict(fix) for fix in issue.fixes],
+        "proposals": [asdict(proposal) for proposal in issue.proposals],
+    }

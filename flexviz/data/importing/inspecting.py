@@ -10,28 +10,39 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
-from flexviz.base.statistics import NORMAL_95
-from flexviz.data.importing.assembling import AssembledGroup, assemble
-from flexviz.data.importing.checking import check_all
-from flexviz.data.importing.clocks import coarse_clock, guess_clocks, guess_unit, likely_clocks
-from flexviz.data.importing.column_names import FORCE, LENGTH
-from flexviz.data.importing.columns import ColumnFamily, candidates, families_of, reason
-from flexviz.data.importing.cross_checks import find_scales
-from flexviz.data.importing.delays import clock_offsets, in_ms
+from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never
+from flexviz.checks import Issue
+from flexviz.data.importing.correcting import correct
 from flexviz.data.importing.draft import Draft, DraftJoint, Questions
-from flexviz.data.importing.formats import LETTERS, LogSource, find_logs, open_run
-from flexviz.data.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
-from flexviz.data.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.data.importing.ready_mappings import Recognised, recognised
 from flexviz.data.importing.torque_meaning import ask_for_meaning
+from flexviz.data.logs import (
+    EMPTY_FIELD,
+    FORCE,
+    LENGTH,
+    LETTERS,
+    NEEDED,
+    SIGNALS,
+    ColumnFamily,
+    Log,
+    LogSource,
+    ReadOptions,
+    candidates,
+    coarse_clock,
+    families_of,
+    find_logs,
+    guess_clocks,
+    guess_unit,
+    likely_clocks,
+    open_run,
+    reason_of,
+)
 from flexviz.data.measurements import Array, read_robot
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import Robot
 
 INSPECTED_LOGS = 3  # that are read; importing finds where further ones differ
 LISTED_COLUMNS = 60  # that were not recognised
-CORRECTION_ROUNDS = 4  # of correcting what the data contradict
 TITLES = {
     "theta": "the motor position θ",
     "tau": "the motor torque τ (or the current)",
@@ -232,7 +243,7 @@ def choose_roles(
             roles[name] = options[0]
             continue
         default = 0 if found.families else None
-        described = [f"{f.name}  ({reason(f)})" for f in options]
+        described = [f"{f.name}  ({reason_of(f)})" for f in options]
         index = asked.choose(f"Which columns are {TITLES[name]}?", described, default)
         if index is not None:
             roles[name] = options[index]
@@ -262,7 +273,7 @@ def fill_joints(
             if unit not in (None, "rad", "Nm") and (linear or unit not in LENGTH | FORCE):
                 signal["unit"] = unit
             entry.signals[name] = signal | dict(family.stated)
-            entry.comment(name, f"{range_text(every[column].columns[column])}; {reason(family)}")
+            entry.comment(name, f"{range_text(every[column].columns[column])}; {reason_of(family)}")
         for name in (name for name in NEEDED if name not in roles):
             entry.comment(name, f'missing: {{ from = "column" }}; {STUBS[name]}')
     if not draft.joints:
@@ -287,64 +298,3 @@ def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Quest
         if gears is not None and gears[i] != 1.0:
             entry.gear = gears[i]
             entry.signals["tau"]["side"] = "motor"
-
-
-def correct(
-    draft: Draft, logs: Sequence[Log], asked: Questions, progress: ProgressCallback, should_stop: StopCallback
-) -> list[Issue]:
-    """Let the data correct units, sides, signs and clocks; the issues that remain."""
-    robot = Robot.load(draft.robot, tuple(draft.joints), gravity=draft.gravity)
-    remaining: list[Issue] = []
-    for round_ in range(CORRECTION_ROUNDS):
-        progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
-        check_stop(should_stop)
-        mapping = draft.mapping().for_joints(robot.prismatic, Path("mapping"))
-        entries = zip(logs, mapping.logs, strict=False)
-        groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
-        if round_ == 0:
-            shift_clocks(draft, groups[0])
-        if find_scales(draft, robot, [group.table for group in groups]):
-            continue
-        remaining = check_all(mapping, robot, {"none": ()}, groups, guessed=True)
-        certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]
-        for issue in certain:
-            draft.apply(issue.fixes, issue.message)
-        if not certain and not ask_for_scales(draft, remaining, asked):
-            break
-    # what a certain issue needs was applied; of an odd one the user decides
-    draft.proposals = [(proposal, issue.message) for issue in remaining for proposal in issue.remedies]
-    return remaining
-
-
-def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -> bool:
-    """Ask for gears and torque constants that the data suggest; whether an answer changed anything."""
-    unknown = [(s.signal, joint) for s in remaining if s.kind == "unit" and not s.fixes for joint in s.joints]
-    far = [joint for signal, joint in unknown if signal == "theta" and draft.joints[joint].gear == 1.0]
-    tau = [joint for signal, joint in unknown if signal == "tau"]
-    weak = [joint for joint in tau if "unit" not in draft.joints[joint].signals["tau"]]
-    if far:
-        question = f"gear ratio of {', '.join(far)}: theta turns too far"
-        ratios = asked.numbers(question, len(far), signed=True)
-        for joint, ratio in zip(far, ratios or (), strict=False):
-            draft.joints[joint].gear = ratio
-            draft.joints[joint].signals["theta"]["side"] = "motor"
-        return ratios is not None and set(ratios) != {1.0}
-    if weak:
-        question = f"tau of {', '.join(weak)} is no plausible torque. Is it a current? Torque constant [Nm/A]"
-        constants = asked.numbers(question, len(weak))
-        for joint, constant in zip(weak, constants or (), strict=False):
-            entry = draft.joints[joint]
-            entry.torque_constant = constant
-            entry.signals["tau"] |= {"unit": "A"} | ({"side": "motor"} if entry.gear != 1.0 else {})
-        return constants is not None
-    return False
-
-
-def shift_clocks(draft: Draft, group: AssembledGroup) -> None:
-    """Correct the clocks of link positions by one log."""
-    for offset in clock_offsets(group.entry.group, group.traces, tuple(draft.joints)):
-        if offset.significant:
-            draft.time.setdefault("shift", {})[offset.clock] = round(-offset.delay, 6)
-            late = "late" if offset.delay > 0 else "early"
-            size = in_ms(offset.delay, NORMAL_95 * offset.std)
-            draft.time_comment = f"[s]; {offset.clock} is {size} {late} against θ"

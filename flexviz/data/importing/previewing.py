@@ -11,10 +11,8 @@ import numpy as np
 from flexviz.base.errors import InputError
 from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never, part
 from flexviz.content.charts import thin
-from flexviz.data.importing.column_names import TIME
 from flexviz.data.importing.draft import Draft
-from flexviz.data.importing.formats import find_logs, open_run
-from flexviz.data.importing.formats.base import ReadOptions, check_stop
+from flexviz.data.logs import TIME, ReadOptions, check_stop, find_logs, open_run
 from flexviz.data.measurements import Array
 
 PREVIEWED = 160  # values of a column that are drawn

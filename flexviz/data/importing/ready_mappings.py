@@ -18,10 +18,16 @@ from pydantic import Field
 
 from flexviz.base import toml
 from flexviz.base.schemas import Number, StrictTable, Text, validate
-from flexviz.data.importing.column_names import CURRENT, Meaning, Quantity
-from flexviz.data.importing.columns import ColumnFamily, pattern
-from flexviz.data.importing.formats.base import Log
-from flexviz.data.importing.mapping import FORMAT, TimeColumn
+from flexviz.data.logs import (
+    CURRENT,
+    MAPPING_FORMAT,
+    ColumnFamily,
+    Log,
+    Meaning,
+    Quantity,
+    TimeColumn,
+    pattern,
+)
 
 FOLDER = Path(__file__).parent / "ready"
 JOINT = {"{k}": r"(?P<joint>\d+)", "{joint}": r"(?P<joint>[^/]+)", "{id}": r"(?P<joint>[\w-]+)"}
@@ -118,7 +124,7 @@ def ready_mappings() -> tuple[ReadyMapping, ...]:
     """All ready mappings."""
     # Feetech before Dynamixel: its mark is the narrower one
     files = sorted(FOLDER.glob("*.toml"), key=lambda file: (file.stem == "dynamixel", file.stem))
-    return tuple(validate(ReadyMapping, toml.read(file), file, FORMAT) for file in files)
+    return tuple(validate(ReadyMapping, toml.read(file), file, MAPPING_FORMAT) for file in files)
 
 
 @dataclass(frozen=True)

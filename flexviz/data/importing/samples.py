@@ -9,11 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.base.arrays import Bools
-from flexviz.content.wording import listed, number, plural
-from flexviz.data.importing.assembling import AssembledGroup
-from flexviz.data.importing.formats.base import SHORTEST
-from flexviz.data.importing.mapping import NEEDED, Issue, Mapping
-from flexviz.data.importing.proposals import Proposal
+from flexviz.checks import Issue, Severity
+from flexviz.data.logs import NEEDED, SHORTEST, AssembledGroup, Mapping, Proposal
 from flexviz.data.measurements import OPTIONAL_SIGNALS, GroupTable, Segment, likely_limits, pieces
 from flexviz.data.noise import (
     Channel,
@@ -95,34 +92,30 @@ def _issue(mapping: Mapping, found: Found) -> Issue:
     group, worst = max(found, key=lambda item: item[1].count)
     joints = tuple(j for j in mapping.names if any(finding.joint == j for _, finding in found))
     also = sorted({other.entry.group for other, _ in found} - {group.entry.group})
-    names = f"; also in {listed(also)}" if also else ""
-    who = f"{worst.joint}, " if len(joints) > 1 else ""
+    values = {
+        "group": group.entry.group,
+        "joint": worst.joint,
+        "stretches": _where(group, worst),
+        "more": len(worst.stretches) > LISTED,
+        "count": worst.count,
+        "also_in": tuple(also),
+        "found": worst.found,
+        "cause": worst.cause,
+        "expected": worst.expected,
+    }
+    severity: Severity = "wrong" if worst.kind in SPOILT else "odd"
     proposals = tuple(_proposals(mapping, found))
-    message = (
-        f"in {group.entry.group}, {who}{_where(group, worst)}: {worst.found}{names}: {worst.cause}? "
-        f"Expected: {worst.expected}"
-    )
-    if proposals:
-        message += f". Proposed: {'; '.join(dict.fromkeys(map(str, proposals)))}"
-    severity = "wrong" if worst.kind in SPOILT else "odd"
-    return Issue(worst.kind, severity, joints, worst.signal, message, proposals=proposals)
+    return Issue(worst.kind, severity, joints, worst.signal, values, proposals=proposals)
 
 
-def _where(group: AssembledGroup, finding: SampleFinding) -> str:
-    """Rows of the log and seconds after its first sample."""
+def _where(group: AssembledGroup, finding: SampleFinding) -> tuple[tuple[int, int, float, float], ...]:
+    """First and last row of the log, and begin and end [s] after its first sample, of a few stretches."""
     trace = group.traces[finding.joint, finding.signal]
-    parts = []
-    for (first, last), (begin, end) in list(zip(finding.stretches, finding.seconds, strict=True))[:LISTED]:
-        rows = [
-            int(trace.rows[np.searchsorted(trace.time, t + group.origin - 1e-9)]) + 1 for t in (begin, end)
-        ]
-        parts.append(
-            f"row {rows[0]} ({number(begin, 4)} s)"
-            if first == last
-            else f"rows {rows[0]} to {rows[1]} ({number(begin, 4)} to {number(end, 4)} s)"
-        )
-    more = len(finding.stretches) > LISTED
-    return ", ".join(parts) + (f", … ({plural(finding.count, 'sample')} in all)" if more else "")
+
+    def row(seconds: float) -> int:
+        return int(trace.rows[np.searchsorted(trace.time, seconds + group.origin - 1e-9)]) + 1
+
+    return tuple((row(begin), row(end), begin, end) for begin, end in finding.seconds[:LISTED])
 
 
 def _proposals(mapping: Mapping, found: Found) -> Iterator[Proposal]:
@@ -201,9 +194,4 @@ def _filtered(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]
     if log.hertz is None or not log.certain:
         return []
     joints = tuple(j for j, hertz in zip(mapping.names, log.tau, strict=True) if np.isfinite(hertz))
-    message = (
-        f"in all rows nothing is left above about {number(log.hertz, 2)} Hz, not even noise: was the log "
-        "filtered before it was written, or computed? Expected: the signals as the drive measures them; "
-        "these are of use only if theta and tau went through the same filter"
-    )
-    return [Issue("filtered", "odd", joints, "tau", message)]
+    return [Issue("filtered", "odd", joints, "tau", {"hertz": log.hertz})]

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.data.importing.columns import ColumnFamily
 from flexviz.data.importing.draft import Draft, Questions
-from flexviz.data.importing.formats.base import Log
+from flexviz.data.logs import ColumnFamily, Log
 from flexviz.robot.robot import Robot
 
 VAGUE = ("effort", "load")  # words that name no quantity

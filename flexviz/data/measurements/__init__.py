@@ -22,10 +22,8 @@ from flexviz.data.measurements.overview import SetOverview, overview
 from flexviz.data.measurements.reading import read_set, set_of
 from flexviz.data.measurements.robot_in_set import robot_files
 from flexviz.data.measurements.saturation import (
-    SATURATED,
     SeenLimit,
     bridged_torque,
-    saturated_text,
     seen_limits,
 )
 from flexviz.data.measurements.schema import (
@@ -39,7 +37,7 @@ from flexviz.data.measurements.schema import (
 )
 from flexviz.data.measurements.segments import POINTS, interpolate, pieces
 from flexviz.data.measurements.tables import readable, row_name
-from flexviz.data.measurements.torque_signals import TorqueRun, no_torque_text, silent_joints, silent_torques
+from flexviz.data.measurements.torque_signals import TorqueRun, silent_joints, silent_torques
 from flexviz.data.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.data.measurements.writing import SUFFIXES, check_free, write_set
 
@@ -48,7 +46,6 @@ __all__ = [
     "GAP",
     "OPTIONAL_SIGNALS",
     "POINTS",
-    "SATURATED",
     "SUFFIXES",
     "Array",
     "Clamped",
@@ -76,7 +73,6 @@ __all__ = [
     "fingerprint",
     "interpolate",
     "likely_limits",
-    "no_torque_text",
     "overview",
     "pieces",
     "read_payloads",
@@ -88,7 +84,6 @@ __all__ = [
     "row_name",
     "same_recording",
     "sample_motion",
-    "saturated_text",
     "seen_limits",
     "set_of",
     "silent_joints",

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools
-from flexviz.content.wording import number
 from flexviz.data.measurements.data import Segment
 
 FEWEST_IN_A_ROW = 4  # equal samples of a plateau
@@ -31,7 +30,6 @@ DEGREE = 4  # of the polynomial
 MOST = 2.0  # times the limit: beyond, the polynomial is not trusted
 ROUNDING = 1e-7  # of the largest torque, as of a single-precision number
 WIDE = 4.0  # standard deviations of a noise that is added to a limited torque
-SATURATED = "saturated; these rows are left out of fits"
 
 
 @dataclass(frozen=True)
@@ -56,19 +54,6 @@ class SeenLimit:
         """Its size [Nm]; the mean of both sides where both have plateaus."""
         return float(np.mean([abs(side) for side in (self.lower, self.upper) if np.isfinite(side)]))
 
-    @property
-    def text(self) -> str:
-        """Where it stands, without its name."""
-        high, low = (np.isfinite(side) for side in (self.upper, self.lower))
-        if high and low and abs(self.lower + self.upper) <= 2 * self.tolerance + 1e-3 * self.upper:
-            at = f"largest / smallest value (±{number(self.limit, 4)} Nm)"
-        elif high and low:
-            at = f"largest / smallest value ({number(self.upper, 4)} and {number(self.lower, 4)} Nm)"
-        else:
-            side, value = ("largest", self.upper) if high else ("smallest", self.lower)
-            at = f"{side} value ({number(value, 4)} Nm)"
-        return f"stands at its {at} in {self.rows} rows"
-
     def reached(self, tau: Array) -> Bools:
         """Samples of τ (N,) at the limit, (N,)."""
         return (tau >= self.upper - self.tolerance) | (tau <= self.lower + self.tolerance)
@@ -92,13 +77,6 @@ def bridged_torque(tau: Array, limits: Sequence[SeenLimit]) -> tuple[Array, Bool
         unknown[:, one.joint] = at[one.joint]
         _bridge(out[:, one.joint], at[one.joint], one)
     return out, unknown
-
-
-def saturated_text(limits: Sequence[SeenLimit], joints: Sequence[str]) -> str:
-    """What is said of such joints; "" without any."""
-    if not limits:
-        return ""
-    return f"{'; '.join(f'tau of {joints[one.joint]} {one.text}' for one in limits)}: {SATURATED}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ SHIFTS = 19  # comparisons with the motion at other times: one in twenty of unre
 LEAST_MOTION = 1e-3  # [rad], [m] by which a joint has to move, for its torque to be missed
 
 
+SilentTorque = dict[str, Any]  # "values": the few that it has; or "share": of it that the motion explains
+
+
 @dataclass(frozen=True, eq=False)
 class TorqueRun:
     """One run: payload's bodies, time (N,) [s], θ (N, n) [rad] and τ (N, n) [Nm]."""
@@ -28,7 +32,7 @@ class TorqueRun:
     tau: Array
 
 
-def silent_joints(measurements: MeasurementSet) -> dict[str, str]:
+def silent_joints(measurements: MeasurementSet) -> dict[str, SilentTorque]:
     """Joints of a set whose torque is no signal although they move -> what it is instead.
 
     Joints that the set states in `no_torque` are not named.
@@ -42,23 +46,21 @@ def silent_joints(measurements: MeasurementSet) -> dict[str, str]:
     return {joint: what for joint, what in found.items() if joint not in measurements.no_torque}
 
 
-def silent_torques(robot: Robot, runs: Sequence[TorqueRun]) -> dict[str, str]:
+def silent_torques(robot: Robot, runs: Sequence[TorqueRun]) -> dict[str, SilentTorque]:
     """Joints whose torque is no signal although they move -> what it is instead."""
-    out = {}
+    out: dict[str, SilentTorque] = {}
     motions = [(run, sample_motion(run.time, run.theta, run.tau)) for run in runs]
     columns = [_explaining(robot, run, motion) for run, motion in motions]
     for j, joint in enumerate(robot.joints):
         if max(float(np.ptp(run.theta[:, j])) for run in runs) < LEAST_MOTION:
             continue
         values = np.unique(np.concatenate([np.unique(run.tau[:, j]) for run in runs]))
-        if len(values) == 1:
-            out[joint] = f"it is {values[0]:g} all the time"
-        elif len(values) <= FEW_VALUES:
-            out[joint] = f"it has {len(values)} values only, {', '.join(f'{v:g}' for v in values)}"
+        if len(values) <= FEW_VALUES:
+            out[joint] = {"values": tuple(map(float, values))}
         else:
             share = _unrelated([x[:, j] for x in columns], [m.torque[:, j] for _, m in motions])
             if share is not None:
-                out[joint] = f"masses and friction explain {100 * share:.0f} % of it, no more than chance"
+                out[joint] = {"share": share}
     return out
 
 
@@ -97,13 +99,3 @@ def _unrelated(columns: Sequence[Array], torque: Sequence[Array]) -> float | Non
         return None
     others = [share(turned) for turned in np.linspace(0.1, 0.9, SHIFTS)]
     return found if found <= max(others) else None
-
-
-def no_torque_text(found: dict[str, str]) -> str:
-    """What is said of such joints, and the key that leaves their torques out; "" without any."""
-    if not found:
-        return ""
-    each = "; ".join(f"{joint}: {what}" for joint, what in found.items())
-    names = ", ".join(f'"{joint}"' for joint in found)
-    what = "the torque of a joint is" if len(found) == 1 else "the torques of some joints are"
-    return f"{what} no signal ({each}): state no_torque = [{names}] in [model] to leave it out"

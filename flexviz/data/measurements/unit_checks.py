@@ -75,12 +75,13 @@ class Agreement:
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """Positions, velocities, accelerations and torques at a few instants, all (M, n)."""
+    """Positions, velocities, accelerations, torques and their rates at a few instants, all (M, n)."""
 
     q: Array
     v: Array
     a: Array
     torque: Array
+    rate: Array
 
 
 def wrong_time_unit(step: float, speed: float) -> str | None:
@@ -244,7 +245,7 @@ def check_optional(name: str, values: Array, reference: Array, file: Path, warn:
 
 
 def sample_motion(time: Array, theta: Array, tau: Array) -> SampledMotion:
-    """The motion at up to `INSTANTS` instants: local parabolas through θ (N, n), local means of τ (N, n)."""
+    """The motion at up to `INSTANTS` instants: local parabolas through θ, lines through τ, (N, n)."""
     bridged = bridge(time, np.hstack([theta, tau]))
     time, theta, tau = bridged.time, *np.hsplit(bridged.signals, 2)
     count = len(time)
@@ -260,4 +261,5 @@ def sample_motion(time: Array, theta: Array, tau: Array) -> SampledMotion:
     rows = centres[:, None] + offsets
     q, v, a = np.einsum("kw,mwn->kmn", parabola, theta[rows])
     width = half * step  # [s]
-    return SampledMotion(q, v / width, a / width**2, np.mean(tau[rows], axis=1))
+    rate = np.einsum("w,mwn->mn", parabola[1], tau[rows])
+    return SampledMotion(q, v / width, a / width**2, np.mean(tau[rows], axis=1), rate / width)

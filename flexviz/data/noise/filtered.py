@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools
-from flexviz.content.wording import number
 from flexviz.data.measurements import Segment
 from flexviz.data.noise.estimates import resolution
 from flexviz.data.noise.repeats import repeats_of
@@ -50,16 +49,6 @@ class FilteredLog:
         """The frequency up to which the torques have content; None if the log was not filtered."""
         found = self.tau[np.isfinite(self.tau)]
         return float(np.median(found)) if 2 * len(found) > len(self.tau) else None
-
-    @property
-    def text(self) -> str:
-        """What it means for a residual; empty if the log was not filtered."""
-        if self.hertz is None:
-            return ""
-        return (
-            f"this log was filtered before it was written (nothing above about {number(self.hertz, 2)} Hz): "
-            "the model error, not the sensor noise, is the yardstick"
-        )
 
 
 def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:

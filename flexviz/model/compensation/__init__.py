@@ -1,11 +1,5 @@
-"""Friction and elasticity as feed-forward tables, and what they removed in a second recording."""
+"""Friction and elasticity as feed-forward tables."""
 
-from flexviz.model.compensation.comparison import (
-    CompensatedJoint,
-    CompensationComparison,
-    SpeedRange,
-    compare_friction,
-)
 from flexviz.model.compensation.friction import ELASTIC, by_speed_and_load, deflection, sliding_friction
 from flexviz.model.compensation.table import (
     ELASTICITY_FILE,
@@ -20,12 +14,8 @@ __all__ = [
     "ELASTIC",
     "ELASTICITY_FILE",
     "FRICTION_FILE",
-    "CompensatedJoint",
-    "CompensationComparison",
     "FrictionTable",
-    "SpeedRange",
     "by_speed_and_load",
-    "compare_friction",
     "deflection",
     "elasticity_text",
     "friction_table",

@@ -3,7 +3,6 @@
 from flexviz.model.effects.curve_forms import CurveForm, curve_points, simple_form
 from flexviz.model.effects.decoys import DECOYS
 from flexviz.model.effects.effect import Effect, EffectEvidence, HiddenStart, JointScale
-from flexviz.model.effects.effect_draft import draft_effect
 from flexviz.model.effects.free_curve import CURVES, FreeCurveEffect, free_curve
 from flexviz.model.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.model.effects.law import LawEffect, LinearEffect, LoadedEffect
@@ -60,7 +59,6 @@ __all__ = [
     "Terms",
     "choose_effects",
     "curve_points",
-    "draft_effect",
     "everywhere",
     "family_of",
     "forget_effects",

@@ -10,16 +10,8 @@ from flexviz.base.errors import InputError
 from flexviz.base.files import write_file
 from flexviz.base.jobs import Task
 from flexviz.base.progress import ProgressCallback, StopCallback, part
-from flexviz.data.importing import (
-    Draft,
-    Issue,
-    LogPreview,
-    edited,
-    import_logs,
-    inspect_logs,
-    preview,
-    readable,
-)
+from flexviz.checks import Issue
+from flexviz.data.importing import Draft, LogPreview, edited, import_logs, inspect_logs, preview, readable
 from flexviz.robot.robot import Robot
 
 MAPPING_FILE = "mapping.toml"

@@ -1,7 +1,6 @@
-"""Live recordings of the session: into a file in ./sessions, to a running Rerun viewer, or both.
+"""The recording of the session into a file in ./sessions, while one works.
 
-Each has its own stream, so that a lost viewer does not affect the file. A recording started late begins with
-all results so far.
+A recording started late begins with all results so far.
 """
 
 from __future__ import annotations
@@ -10,13 +9,11 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
-from urllib.parse import urlsplit
 
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.analysis.identification import Identification
-from flexviz.base.errors import FlexvizError, InputError, one_line
+from flexviz.base.errors import FlexvizError, one_line
 from flexviz.content.wording import effect_text_name
-from flexviz.outlets.app.access import is_loopback
 from flexviz.outlets.app.state import Changed, FitProgress
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.workspace import new_recording
@@ -24,16 +21,13 @@ from flexviz.outlets.app.workspace import new_recording
 if TYPE_CHECKING:
     from flexviz.outlets.recording import LiveRecording
 
-Kind = Literal["file", "viewer"]
-KINDS: tuple[Kind, ...] = ("file", "viewer")
-CLOSING_TIME = 20.0  # [s] that the end of the application waits for one recording
+CLOSING_TIME = 20.0  # [s] that the end of the application waits for a recording
 
 
 class RecordedSession:
     """One recording, what it has been told of the session, and the rest as it comes."""
 
-    def __init__(self, kind: Kind, store: Store) -> None:
-        self.kind: Kind = kind
+    def __init__(self, store: Store) -> None:
         self.recording: LiveRecording | None = None  # until it is open
         self._store = store
         self._result: Identification | None = None
@@ -101,20 +95,20 @@ State = Literal["open", "closed", "failed"]
 
 
 class Recordings:
-    """Feeds all open recordings.
+    """Feeds the open recording.
 
-    `call(action, value)` calls in the loop's thread. `heard(kind, state, value)` is told there when a
-    recording is open, closed (its file, or None), or has failed (the reason).
+    `call(action, value)` calls in the loop's thread. `heard(state, value)` is told there when a recording is
+    open (the recording), closed (its file), or has failed (the reason).
     """
 
     def __init__(
         self,
         store: Store,
         call: Callable[[Callable[[Any], None], Any], None],
-        heard: Callable[[Kind, State, Any], None],
+        heard: Callable[[State, Any], None],
     ) -> None:
         self._store, self._call, self._heard = store, call, heard
-        self._wanted: dict[Kind, RecordedSession] = {}
+        self._wanted: RecordedSession | None = None
         self._threads: list[threading.Thread] = []
         self._ended = False
         for changes, told in (
@@ -123,59 +117,52 @@ class Recordings:
             (Changed.FIT, RecordedSession.iterations),
             (Changed.DERIVED, RecordedSession.derived),
         ):
-            store.subscribe(changes, partial(self._tell_all, told))
-        store.subscribe(Changed.TICK, self._tick)
-        store.subscribe(Changed.CLOSED, self._close_all)
+            store.subscribe(changes, partial(self._told, told))
+        store.subscribe(Changed.CLOSED, self._close)
 
-    def _tell_all(self, told: Callable[[RecordedSession, LiveRecording], None]) -> None:
-        for recorded in self._wanted.values():
-            if recorded.recording is not None:
-                told(recorded, recorded.recording)
+    def _told(self, told: Callable[[RecordedSession, LiveRecording], None]) -> None:
+        if (open_one := self._open) is not None:
+            told(*open_one)
 
-    def _tick(self) -> None:
-        """Drop a viewer that has disconnected."""
-        viewer = self._wanted.get("viewer")
-        lost = viewer.recording.lost_viewer if viewer and viewer.recording else ""
-        if viewer and lost:
-            self._happened(viewer, "failed", f"the Rerun viewer has disconnected: {one_line(lost)}")
+    @property
+    def _open(self) -> tuple[RecordedSession, LiveRecording] | None:
+        wanted = self._wanted
+        return None if wanted is None or wanted.recording is None else (wanted, wanted.recording)
 
-    def start(self, kind: Kind, address: str = "") -> None:
-        """Start a recording, to the viewer at `address` if any; reported through `heard`."""
-        if kind in self._wanted:
+    def start(self) -> None:
+        """Start a recording, if there is none; reported through `heard`."""
+        if self._wanted is not None:
             return
-        measurements, recorded = self._store.measurements, RecordedSession(kind, self._store)
-        viewer = None if kind == "file" else local_address(address)
-        file = new_recording(measurements.name) if kind == "file" else None
-        self._wanted[kind] = recorded
+        measurements, recorded = self._store.measurements, RecordedSession(self._store)
+        file = new_recording(measurements.name)
+        self._wanted = recorded
         failed = partial(self._tell, recorded, "failed")
 
         def begin() -> LiveRecording:
             from flexviz.outlets.recording import LiveRecording  # heavy
 
-            recording = LiveRecording(measurements, file, viewer=viewer, on_failure=failed)
+            recording = LiveRecording(measurements, file, on_failure=failed)
             if self._ended:
                 recording.close()
             return recording
 
         self._in_thread(recorded, "open", begin)
 
-    def stop(self, kind: Kind) -> None:
-        """Close a recording; reported through `heard`."""
-        recorded = self._wanted.pop(kind, None)
-        if recorded is not None and recorded.recording is not None:
-            self._in_thread(recorded, "closed", recorded.recording.close)
+    def stop(self) -> None:
+        """Close the recording; reported through `heard`."""
+        if (open_one := self._open) is not None:
+            self._in_thread(open_one[0], "closed", open_one[1].close)
+        self._wanted = None
 
-    def _close_all(self) -> None:
+    def _close(self) -> None:
         self._ended = True
-        for kind in KINDS:
-            self.stop(kind)
+        self.stop()
         for thread in self._threads:
             thread.join(timeout=CLOSING_TIME)
 
     def size(self) -> int:
         """Bytes written to the file so far."""
-        recorded = self._wanted.get("file")
-        file = recorded.recording.file if recorded and recorded.recording else None
+        file = None if (open_one := self._open) is None else open_one[1].file
         return file.stat().st_size if file is not None and file.is_file() else 0
 
     def _in_thread(self, recorded: RecordedSession, state: State, action: Callable[[], Any]) -> None:
@@ -186,11 +173,11 @@ class Recordings:
                 self._tell(recorded, state, action())
             except FlexvizError as error:
                 self._tell(recorded, "failed", str(error))
-            except Exception as error:  # whatever a disk or a viewer makes of it
+            except Exception as error:  # whatever a disk makes of it
                 self._tell(recorded, "failed", one_line(f"{type(error).__name__}: {error}"))
 
         self._threads = [thread for thread in self._threads if thread.is_alive()]
-        thread = threading.Thread(target=run, name=f"flexviz-{recorded.kind}", daemon=True)
+        thread = threading.Thread(target=run, name="flexviz-record", daemon=True)
         self._threads.append(thread)
         thread.start()
 
@@ -198,7 +185,7 @@ class Recordings:
         self._call(partial(self._happened, recorded, state), value)
 
     def _happened(self, recorded: RecordedSession, state: State, value: Any) -> None:
-        wanted = self._wanted.get(recorded.kind) is recorded
+        wanted = self._wanted is recorded
         if state == "open":
             if not wanted:  # switched off meanwhile
                 self._in_thread(recorded, "closed", value.close)
@@ -207,31 +194,12 @@ class Recordings:
         elif state == "failed":
             if not wanted:
                 return
-            lost = self._wanted.pop(recorded.kind).recording
+            self._wanted, lost = None, recorded.recording
             if lost is not None and not lost.failure:
                 self._in_thread(recorded, "closed", lost.close)
-        self._heard(recorded.kind, state, value)
+        self._heard(state, value)
 
 
 def model_label(effects: tuple[str, ...]) -> str:
     """Short description of a model."""
     return "with " + ", ".join(effect_text_name(name) for name in effects) if effects else "present model"
-
-
-def local_address(text: str) -> str:
-    """A viewer address on this machine: "", a port, host:port, or a complete address.
-
-    Browsers must not make this machine connect to another one.
-    """
-    text = text.strip()
-    host = None
-    if text and not text.isdigit():
-        try:
-            host = urlsplit(text if "://" in text else f"//{text}").hostname
-        except ValueError:
-            host = ""
-    if host is not None and not is_loopback(host):
-        raise InputError(
-            f'"{text[:60]}" is not on this machine; expected a viewer at 127.0.0.1:9876, or its port'
-        )
-    return text

@@ -8,9 +8,9 @@ from pathlib import Path
 from flexviz.base.errors import InputError
 from flexviz.base.limits import read_json
 from flexviz.base.resources import sessions_dir
+from flexviz.checks import with_plausibility_warnings
 from flexviz.content.scene import robot_shape
 from flexviz.content.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
-from flexviz.data.importing import with_plausibility_warnings
 from flexviz.data.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.outlets.app.state import Opened
 from flexviz.outlets.view import truth_values

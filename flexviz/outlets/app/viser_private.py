@@ -11,16 +11,13 @@ import contextlib
 import logging
 import time
 from collections.abc import Awaitable, Callable, Iterator
-from dataclasses import MISSING, fields
-from functools import lru_cache, partial
-from typing import Any, get_type_hints
+from functools import partial
+from typing import Any
 
-import msgspec
 import viser
 import websockets.asyncio.server as websocket_server
 from viser import _messages as messages
 from websockets.asyncio.server import ServerConnection
-from websockets.frames import CloseCode
 
 from flexviz.base.errors import InputError
 from flexviz.outlets.app.input_rules import rule_of, upload_refusal
@@ -52,44 +49,6 @@ def served_by(serve: Callable[..., Any]) -> Iterator[None]:
 
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
-
-
-def only_messages(handler: Handler) -> Handler:
-    """A handler of connections that receives well-formed messages only."""
-
-    async def handle(connection: ServerConnection) -> None:
-        receive = connection.recv
-
-        async def checked(*arguments: Any, **options: Any) -> Any:
-            while not is_message(data := await receive(*arguments, **options)):
-                log.warning("closed a connection that sent a malformed message")
-                await connection.close(CloseCode.UNSUPPORTED_DATA, "malformed message")
-            return data
-
-        connection.recv = checked  # type: ignore[method-assign]
-        await handler(connection)
-
-    return handle
-
-
-def is_message(data: bytes | str) -> bool:
-    """Whether a frame is one of viser's messages."""
-    try:
-        content = msgspec.msgpack.decode(data)  # type: ignore[arg-type]  # a text fails
-        types, needed = _fields(content.pop("type"))
-        for name, value in content.items():
-            msgspec.convert(value, types[name])
-    except Exception:  # whatever the content makes of these
-        return False
-    return needed <= content.keys()
-
-
-@lru_cache(maxsize=200)
-def _fields(name: str) -> tuple[dict[str, Any], set[str]]:
-    """Types of a message's fields, and the names of those it must have."""
-    kind: Any = messages.Message._subclass_from_type_string()[name]
-    needed = {one.name for one in fields(kind) if one.default is one.default_factory is MISSING and one.init}
-    return get_type_hints(kind), needed
 
 
 # -- messages ------------------------------------------------------------------------------------------------

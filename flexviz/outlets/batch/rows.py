@@ -153,14 +153,11 @@ def _errors(
     identified: ResultDocument, diagnosed: ResultDocument | None
 ) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
     """Errors of the first and the last model per joint, in the same band, and the torque's spread [Nm]."""
-    if diagnosed is not None and diagnosed.steps and diagnosed.torque is not None:
-        first, last = (one.rms_validation or one.rms for one in (diagnosed.steps[0], diagnosed.steps[-1]))
-        return first, last, diagnosed.torque.spread
-    residual = identified.residual
-    if residual is None:
+    final = (diagnosed or identified).final_errors
+    if final is None:
         return (), (), ()
-    error = residual.rms_validation or residual.rms
-    return error, error, residual.torque_spread
+    first = diagnosed.steps[0] if diagnosed is not None and diagnosed.steps else final
+    return first.rms_validation or first.rms, final.rms_validation or final.rms, final.torque_spread
 
 
 def _share(rms: Sequence[float], spread: Sequence[float]) -> float | None:

@@ -1,20 +1,12 @@
-"""Recordings for the Rerun viewer: write, check, repair, compare, open. Only this package imports rerun."""
+"""Recordings for the Rerun viewer: write, check, open. Only this package imports rerun."""
 
 from flexviz.base.errors import require_extra
 
 require_extra("rerun", "a recording")
 
-from flexviz.outlets.recording.comparing import compare_recordings, merge_recordings
-from flexviz.outlets.recording.files import repair_recording
 from flexviz.outlets.recording.live import LiveRecording
 from flexviz.outlets.recording.notebook import notebook_viewer
-from flexviz.outlets.recording.reading import (
-    Recorded,
-    Recording,
-    TruncatedRecording,
-    check_recording,
-    read_recording,
-)
+from flexviz.outlets.recording.reading import Recorded, Recording, check_recording, read_recording
 from flexviz.outlets.recording.viewers import has_display, show_in_window, web_viewer
 from flexviz.outlets.recording.writing import (
     RecordingFile,
@@ -29,18 +21,14 @@ __all__ = [
     "Recorded",
     "Recording",
     "RecordingFile",
-    "TruncatedRecording",
     "check_recording",
-    "compare_recordings",
     "ending_tidily",
     "has_display",
-    "merge_recordings",
     "notebook_viewer",
     "read_recording",
     "record_session",
     "record_set",
     "recording_file",
-    "repair_recording",
     "show_in_window",
     "web_viewer",
 ]

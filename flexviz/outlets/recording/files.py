@@ -1,9 +1,8 @@
-"""Recording files: temporary names while they grow, completion, repair."""
+"""Recording files: temporary names while they grow, completion."""
 
 from __future__ import annotations
 
 import os
-import subprocess
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -16,11 +15,8 @@ from flexviz.base.errors import InputError
 from flexviz.base.files import PART, named_errors, remove_leftovers_once, write_whole
 from flexviz.outlets.recording.file_sink import FileSink
 from flexviz.outlets.recording.reading import Recorded, check_recording, sidecar
-from flexviz.outlets.recording.viewers import rerun_program
 
 SUFFIX = ".rrd"
-NOTHING_TO_SAVE = "holds nothing to repair: the program was killed before anything was written"
-SMALLEST_RECORDING = 1000  # bytes
 
 
 class Target:
@@ -115,35 +111,3 @@ def rewrite(source: Path, target: Path, layout: rrb.Blueprint | None = None) -> 
 def write_sidecar(file: Path, sha256: str) -> None:
     """Write a recording's SHA-256 file in the format of `sha256sum --check`."""
     write_whole(sidecar(file), f"{sha256}  {file.name}\n".encode())
-
-
-def repair_recording(path: str | Path) -> Recorded:
-    """Write the readable part of a truncated recording to `<name>.repaired.rrd`, with a footer.
-
-    Raises:
-        InputError: there is nothing to repair, or the file is damaged in the middle.
-    """
-    file = Path(path)
-    target = beside(file, "repaired")
-    part = hidden(target)
-    try:
-        # Rerun's own tool rewrites every complete message, with a footer
-        run = subprocess.run(
-            [str(rerun_program()), "rrd", "optimize", str(file), "-o", str(part)],
-            capture_output=True,
-            text=True,
-        )
-        if run.returncode != 0 or not part.is_file():
-            empty = file.stat().st_size < SMALLEST_RECORDING
-            raise InputError(NOTHING_TO_SAVE if empty else "is damaged and cannot be repaired", file=file)
-        try:
-            checked = check_recording(part, own=True)
-        except InputError:
-            raise InputError(NOTHING_TO_SAVE, file=file) from None
-        os.replace(part, target)
-    except OSError as error:
-        raise InputError(f"cannot be repaired ({error.strerror or error})", file=file) from None
-    finally:
-        part.unlink(missing_ok=True)
-    write_sidecar(target, checked.sha256)
-    return check_recording(target)

@@ -40,7 +40,7 @@ def blueprint(
 ) -> rrb.Blueprint:
     """The layout for the newest of the recorded content."""
     groups, slides = measurements.groups, measurements.robot.prismatic
-    scenes = [scene_view("", f"3D {group_title(g)}", g.name, stage.eye, stage.centre) for g in groups]
+    scenes = [_scene(group, stage) for group in groups]
     left = rrb.Vertical(
         rrb.Tabs(*scenes, name="Robots, measured and identified"),
         _texts(groups, solves, diagnoses),
@@ -62,30 +62,24 @@ def blueprint(
     first = min(group.segments[0].time[0] for group in groups if group.segments)
     last = max(group.segments[-1].time[-1] for group in groups if group.segments)
     span = AbsoluteTimeRange(round(first * NANOSECONDS), round(last * NANOSECONDS))
-    return page(contents, loop_mode="selection", time_selection=span)
-
-
-def page(contents: rrb.Container, **time: Any) -> rrb.Blueprint:
-    """A blueprint with collapsed panels, playing on `time`; `**time` are options of the time panel."""
+    playing = {"timeline": TIME, "play_state": "playing", "loop_mode": "selection", "time_selection": span}
     return rrb.Blueprint(
         contents,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIME, play_state="playing", **time),
+        rrb.TimePanel(state="collapsed", **playing),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def scene_view(root: str, name: str, group: str, eye: Any, centre: Any) -> rrb.Spatial3DView:
-    """Both robots of one group, seen from `eye` (3,) towards `centre` (3,) [m]; `root` prefixes the path."""
-    controls = None
-    if eye is not None and centre is not None:
-        controls = rrb.EyeControls3D(position=eye, look_target=centre, eye_up=[0.0, 0.0, 1.0])
+def _scene(group: Group, stage: Stage) -> rrb.Spatial3DView:
+    """Both robots of one group, seen as the stage is."""
+    eye = rrb.EyeControls3D(position=stage.eye, look_target=stage.centre, eye_up=[0.0, 0.0, 1.0])
     return rrb.Spatial3DView(
-        origin=root + path("groups", group, "robots"),
-        name=name,
-        eye_controls=controls,
+        origin=path("groups", group.name, "robots"),
+        name=f"3D {group_title(group)}",
+        eye_controls=eye,
         line_grid=rrb.LineGrid3D(visible=True),
     )
 
@@ -106,15 +100,13 @@ def plot(
     contents: Sequence[str],
     legend: bool = True,
     overrides: Mapping[Any, Any] | None = None,
-    span: tuple[float, float] | None = None,
 ) -> rrb.TimeSeriesView:
-    """Lines over the whole active timeline, `time` or `iteration`; `span` limits the y axis."""
+    """Lines over the whole active timeline, `time` or `iteration`."""
     return rrb.TimeSeriesView(
         origin=origin,
         contents=list(contents),
         name=name,
         overrides=overrides,
-        axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(corner="RightTop", visible=legend),
         time_ranges=[
             rrb.VisibleTimeRange(

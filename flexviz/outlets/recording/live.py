@@ -1,6 +1,6 @@
 """A recording that grows with an analysis.
 
-    recording = LiveRecording(measurements, "demo.rrd")            # a file; and, or, viewer="9876"
+    recording = LiveRecording(measurements, "demo.rrd")
     recording.observer(make_observer("butterworth-zero-phase"))
     recording.started("with Coulomb friction")                     # start of a solve
     result = identify(measurements, progress=recording.progress)  # every iteration
@@ -32,7 +32,7 @@ from flexviz.data.measurements import MeasurementSet
 from flexviz.outlets.recording.files import Target
 from flexviz.outlets.recording.reading import Recorded
 from flexviz.outlets.recording.recorder import MAX_SAMPLES, Recorder
-from flexviz.outlets.recording.stream import Stream, viewer_address
+from flexviz.outlets.recording.stream import Stream
 
 FLUSH_INTERVAL = 1.0  # [s] between two flushes
 WRITE_TIMEOUT = 120.0  # [s] limit of `flush` and `close`
@@ -67,9 +67,8 @@ class LiveRecording(AbstractContextManager["LiveRecording"]):
     def __init__(
         self,
         measurements: MeasurementSet,
-        file: str | Path | None = None,
+        file: str | Path,
         *,
-        viewer: str | None = None,
         samples: int = MAX_SAMPLES,
         on_failure: Callable[[str], None] | None = None,
     ) -> None:
@@ -78,20 +77,15 @@ class LiveRecording(AbstractContextManager["LiveRecording"]):
         Args:
             measurements: the set.
             file: the recording. An existing file is replaced by `close`; until then `file` is beside it.
-            viewer: a running viewer: "" for the default, a port, host:port, or an address.
             samples: upper limit per signal and group.
             on_failure: called once, from the recording's thread, with a one-line reason.
 
         Raises:
-            InputError: neither file nor viewer, the file's folder does not exist, no viewer answers.
+            InputError: the file's folder does not exist.
         """
-        if file is None and viewer is None:
-            raise InputError("a recording needs a file or a viewer")
-        address = None if viewer is None else viewer_address(viewer)
         self.failure = ""
         self._on_failure = on_failure
-        target = None if file is None else Target(Path(file))
-        self.recorder = Recorder(measurements, Stream(measurements.name, target, address), samples)
+        self.recorder = Recorder(measurements, Stream(measurements.name, Target(Path(file))), samples)
         self._queue: queue.Queue[Callable[[], object] | None] = queue.Queue()
         self._begun = time.monotonic()
         self._lock = threading.Lock()
@@ -102,15 +96,9 @@ class LiveRecording(AbstractContextManager["LiveRecording"]):
         self._thread.start()
 
     @property
-    def file(self) -> Path | None:
-        """Where it is written at present, or None."""
-        target = self.recorder.stream.target
-        return None if target is None else target.part
-
-    @property
-    def lost_viewer(self) -> str:
-        """Why the viewer no longer receives data, or ""."""
-        return self.recorder.stream.lost
+    def file(self) -> Path:
+        """Where it is written at present."""
+        return self.recorder.stream.target.part
 
     observer = queued(Recorder.observe)
     """Record all states of an observer, once."""
@@ -154,8 +142,8 @@ class LiveRecording(AbstractContextManager["LiveRecording"]):
             pass
         self._check(done.is_set(), timeout)
 
-    def close(self, timeout: float = WRITE_TIMEOUT) -> Recorded | None:
-        """Write the rest, check the file and move it into place; returns None without a file.
+    def close(self, timeout: float = WRITE_TIMEOUT) -> Recorded:
+        """Write the rest, check the file and move it into place.
 
         Raises:
             FlexvizError: the recording has failed, or takes longer than `timeout` [s].
@@ -166,6 +154,7 @@ class LiveRecording(AbstractContextManager["LiveRecording"]):
             self._queue.put(None)
         self._thread.join(timeout)
         self._check(not self._thread.is_alive(), timeout)
+        assert self._written is not None
         return self._written
 
     def _check(self, done: bool, timeout: float) -> None:

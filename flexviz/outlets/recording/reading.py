@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,17 @@ from rerun.chunk import RrdReader
 
 from flexviz.base.errors import InputError
 from flexviz.base.files import sha256_of
+from flexviz.content.comparing import KnownResults, effects_of
+from flexviz.content.results import checked_document
 
 TRUNCATED = ("no footer", "exceeds file size")  # in the reader's message on a truncated file
+CUT = (
+    "is truncated: the program that wrote it was killed, or the file was cut; "
+    "`python -m rerun rrd optimize {} -o {}` writes what can be read of it"
+)
 ROW = "rerun.controls.RowId"
 TEXT = "TextDocument:text"
 PROPERTIES = "/__properties/flexviz"
-VIEW = "/__properties/view"
 _DECODE = """import sys
 from rerun.chunk import RrdReader
 for chunk in RrdReader(sys.argv[1]).stream():
@@ -51,10 +57,6 @@ class Recorded:
     complete: bool = True
 
 
-class TruncatedRecording(InputError):
-    """A recording without its end: the program that wrote it was killed, or the file was cut."""
-
-
 def sidecar(file: Path) -> Path:
     """The recording's SHA-256 file, in the format of `sha256sum --check`."""
     return file.with_name(file.name + ".sha256")
@@ -69,8 +71,7 @@ def check_recording(path: str | Path, *, own: bool = False) -> Recorded:
     this program has just written it (`own`).
 
     Raises:
-        TruncatedRecording: the end is missing; `repair_recording` saves the rest.
-        InputError: damaged, empty, or not a recording.
+        InputError: truncated, damaged, empty, or not a recording.
     """
     file = Path(path)
     try:
@@ -109,9 +110,7 @@ def _read_errors(file: Path) -> Iterator[None]:
             raise  # a panic of the reader's Rust code is no Exception
         text = " ".join(str(error).split())
         if any(words in text for words in TRUNCATED):
-            raise TruncatedRecording(
-                "is truncated: the program that wrote it was killed, or the file was cut", file=file
-            ) from None
+            raise InputError(CUT.format(file, file.with_suffix(".whole.rrd")), file=file) from None
         raise InputError(f"is not a readable Rerun recording ({text})", file=file) from None
 
 
@@ -132,8 +131,6 @@ class Recording:
         simulated: whether the measurement set was simulated.
         results: in the format of `identify --json`, with "label" and "effects" of the model; oldest first.
         diagnoses: in the format of `diagnose --json`; oldest first.
-        observer: name of the last recorded observer, or None.
-        eye, centre: (3,) of the view [m].
     """
 
     file: Path
@@ -144,14 +141,22 @@ class Recording:
     groups: tuple[str, ...]
     results: tuple[dict[str, Any], ...]
     diagnoses: tuple[dict[str, Any], ...]
-    observer: str | None = None
-    eye: tuple[float, ...] | None = None
-    centre: tuple[float, ...] | None = None
 
     @property
     def result(self) -> dict[str, Any]:
         """The newest result; empty if there is none."""
         return self.results[-1] if self.results else {}
+
+    @property
+    def known(self) -> KnownResults:
+        """The newest result, and the newest diagnosis if it is of the same model, for a comparison."""
+        own = [{key: value for key, value in one.items() if key != "effects"} for one in self.results[-1:]]
+        read = partial(checked_document, file=self.file)
+        fit, diagnosis = (next(map(read, found), None) for found in (own, self.diagnoses[-1:]))
+        effects = tuple(self.result["effects"]) if own else None
+        if effects is not None and diagnosis is not None and {*effects_of(diagnosis)} != {*effects}:
+            diagnosis = None
+        return KnownResults(self.file.stem, self.set_name, fit, diagnosis, effects=effects)
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -163,14 +168,10 @@ def read_recording(path: str | Path) -> Recording:
     file = Path(path)
     properties: dict[str, Any] = {}
     texts: dict[str, tuple[bytes, str]] = {}
-    observer: tuple[bytes, str | None] = (b"", None)
     for chunk in RrdReader(str(file)).stream():
         entity = chunk.entity_path
-        if entity in (PROPERTIES, VIEW):
+        if entity == PROPERTIES:
             properties |= _values(chunk.to_record_batch())
-        elif entity.startswith("/observers/"):
-            row = chunk.to_record_batch().column(ROW).to_pylist()[-1]
-            observer = max(observer, (row, entity.split("/")[2]))
         elif entity.endswith("/json"):
             batch = chunk.to_record_batch()
             row, text = batch.column(ROW).to_pylist()[-1], batch.column(TEXT).to_pylist()[-1][0]
@@ -191,9 +192,6 @@ def read_recording(path: str | Path) -> Recording:
         groups=tuple(properties["groups"]),
         results=_documents(texts, "results", file),
         diagnoses=_documents(texts, "diagnoses", file),
-        observer=observer[1],
-        eye=tuple(properties["eye"]) if "eye" in properties else None,
-        centre=tuple(properties["centre"]) if "centre" in properties else None,
     )
 
 

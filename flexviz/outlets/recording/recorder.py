@@ -84,7 +84,6 @@ class Recorder:
                 samples=group.samples,
             )
         check("reading the robot's shape", 0.0)
-        stream.property("view", eye=list(self._scene.stage.eye), centre=list(self._scene.stage.centre))
         self._describe()
         self.arrange()
         for done, group in enumerate(measurements.groups):
@@ -197,8 +196,8 @@ class Recorder:
     def _flush_part(self, what: str, share: float) -> None:
         self.flush()
 
-    def finish(self, complete: bool = True) -> Recorded | None:
-        """Close the recording and move it into place; None without a file.
+    def finish(self, complete: bool = True) -> Recorded:
+        """Close the recording and move it into place.
 
         Raises:
             InputError: see `Target.finish`.
@@ -206,8 +205,7 @@ class Recorder:
         if complete:
             self.flush()
         self.stream.close()
-        target = self.stream.target
-        return None if target is None else target.finish(self.stream.entities, self.layout(), complete)
+        return self.stream.target.finish(self.stream.entities, self.layout(), complete)
 
     def note(self, text: str) -> None:
         """Add a line to the log."""

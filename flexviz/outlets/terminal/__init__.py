@@ -19,13 +19,14 @@ from flexviz import __version__
 from flexviz.base.errors import FlexvizError, one_line
 from flexviz.outlets.terminal.analysis import diagnose, identify, record, report
 from flexviz.outlets.terminal.batch import batch, study
+from flexviz.outlets.terminal.compare import compare
 from flexviz.outlets.terminal.design import design
 from flexviz.outlets.terminal.doctor import doctor
 from flexviz.outlets.terminal.effects import effects
 from flexviz.outlets.terminal.export import export
 from flexviz.outlets.terminal.import_ import import_
 from flexviz.outlets.terminal.options import with_shared_options
-from flexviz.outlets.terminal.sessions import compare, session
+from flexviz.outlets.terminal.sessions import session
 from flexviz.outlets.terminal.simulate import simulate
 from flexviz.outlets.terminal.verify import verify
 from flexviz.outlets.terminal.viewing import review, serve

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexviz.base.errors import InputError
-from flexviz.base.files import write_file
 from flexviz.outlets.terminal import terminal
 from flexviz.outlets.terminal.loading import loading
 from flexviz.outlets.terminal.options import (
@@ -24,7 +23,6 @@ from flexviz.outlets.terminal.options import (
 from flexviz.outlets.terminal.terminal import Reporter, interruptible
 
 if TYPE_CHECKING:
-    from flexviz.analysis.diagnosis import Diagnosis
     from flexviz.data.measurements import MeasurementSet
 
 log = logging.getLogger(__name__)
@@ -75,12 +73,6 @@ def diagnose(
         show_default=False,
     ),
     decoys: DecoysOption = False,
-    draft_effect: Path | None = typer.Option(
-        None,
-        "--draft-effect",
-        metavar="FILE.py",
-        help="Where the free curve resembles a simple law: write a user-defined effect with it to this file.",
-    ),
 ) -> int:
     """Determine whether the model is complete, and if not, which effect is missing and where."""
     from flexviz.base.parallel import on_cores, usable_cores
@@ -88,13 +80,12 @@ def diagnose(
     if free_curve and not apply:
         raise InputError("--free-curve adds a step to the model, expected --apply with it")
     terminal.check_output_file(json_file, ".json")
-    terminal.check_output_file(draft_effect, ".py", new=True)
     cores = on_cores(usable_cores())
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
         with loading():
             from flexviz.analysis.diagnosis import diagnose as search
             from flexviz.analysis.diagnosis import why_no_curve
-            from flexviz.data.importing import plausibility_warnings
+            from flexviz.checks import plausibility_warnings
             from flexviz.data.measurements import read_set
         measurements = read_set(measurement_set)
         for text in plausibility_warnings(measurements, report, should_stop):
@@ -114,8 +105,6 @@ def diagnose(
     terminal.write_json(json_file, result.to_dict(steps=apply) | hash_of(measurements))
     if result.verdict == "missing" and not apply and not result.stopped:
         terminal.note("to add the missing effects one by one and see how the error falls, use --apply")
-    if draft_effect is not None:
-        write_draft(result, draft_effect)
     return 130 if result.stopped else 0
 
 
@@ -124,21 +113,6 @@ def hash_of(measurements: MeasurementSet) -> dict[str, str]:
     from flexviz.data.measurements import fingerprint
 
     return {"set_sha256": fingerprint(measurements).sha256}
-
-
-def write_draft(result: Diagnosis, file: Path) -> None:
-    """Write the effect drafted from the free curve of a diagnosis, and say how to use it."""
-    from flexviz.analysis.diagnosis import draft_from_curve
-
-    draft = draft_from_curve(result)
-    if draft is None:
-        terminal.note("note: no effect is drafted: there is no free curve that resembles a simple law")
-        return
-    write_file(file, draft.content)
-    name = draft.name.removesuffix(".py")
-    terminal.note(
-        f"{file}: {draft.form.fact}; to fit it: --effect {name}:{draft.joint} --effects-from {file}"
-    )
 
 
 def record(

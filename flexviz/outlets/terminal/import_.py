@@ -112,7 +112,9 @@ def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) ->
     draft, text = inspection.draft, inspection.draft.text(file)
     if file is not None:
         write_file(file, text)
-    terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)])
+    from flexviz.content.wording import issue_text
+
+    terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {issue_text(s)}" for s in inspection.issues)])
     if file is None and (draft.missing or checked_only):
         print(text, end="")
     where = f" in {file}" if file else "; --mapping FILE writes what is known to a file"
@@ -136,6 +138,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
     """Summary of an import, as lines of text."""
     import numpy as np
 
+    from flexviz.content.wording import issue_text
     from flexviz.data.measurements import bridge, pieces
 
     lines = []
@@ -165,7 +168,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         )
     elif not done.wrong:
         lines.append("these data do not show whether torque and motion agree in time")
-    lines += [f"looks {s.severity}: {s}" for s in done.issues]
+    lines += [f"looks {s.severity}: {issue_text(s)}" for s in done.issues]
     lines += [f"warning: {warning}" for warning in done.warnings]
     if done.folder is not None:
         lines.append(f"{done.folder}: {len(done.groups)} groups, joints {', '.join(done.joints)}")

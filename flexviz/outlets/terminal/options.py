@@ -179,7 +179,7 @@ def read_selected(
 ) -> MeasurementSet:
     """Read a measurement set and check the settings against it."""
     from flexviz.base.schemas import shown
-    from flexviz.data.importing import with_plausibility_warnings
+    from flexviz.checks import with_plausibility_warnings
     from flexviz.data.measurements import read_set
     from flexviz.model.effects import choose_effects
 

@@ -22,44 +22,43 @@ def review(
     source: Annotated[
         Path, typer.Argument(metavar="FILE.rrd|SESSION", help="A recording (*.rrd), or a session's folder.")
     ],
-    other: Path | None = typer.Argument(None, metavar="[OTHER]", help="A second one to show side by side."),
+    other: Path | None = typer.Argument(None, metavar="[OTHER]", help="A second one to compare it with."),
     check: bool = typer.Option(False, "--check", help="Only check it and list its content; open nothing."),
     web: bool | None = typer.Option(
         None, "--web/--native", help="In the browser or in a window; default: a window if there is a display."
     ),
     out: Path | None = typer.Option(
-        None, metavar="FILE.rrd", help="Keep the file made for it: recording of a session, or comparison."
+        None, metavar="FILE.rrd", help="Keep the recording that is made of a session."
     ),
     port: int | None = typer.Option(None, metavar="P", help="Port of the page; default: 9090 or a free one."),
     browser: BrowserOption = True,
 ) -> int:
-    """Open a recording in Rerun's viewer, on this machine only; a truncated one is repaired first."""
+    """Open recordings in Rerun's viewer, on this machine only; of two, the newest results are compared."""
+    from flexviz.content.comparing import compare as compare_results
     from flexviz.outlets.recording import ending_tidily
+    from flexviz.outlets.terminal.compare import show as show_comparison
 
     terminal.check_output_file(out, ".rrd", named=True)
     with temporary_folder("review") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
-        if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
-            raise InputError(
-                "--out: a single recording is opened without a copy, expected no --out", file=source
-            )
-        made = [out if other is None else None, None]
-        files = [prepared(one, temporary / str(n), made[n]) for n, one in enumerate(sources)]
+        if out is not None and (other is not None or source.is_file()):
+            raise InputError("--out keeps the recording made of a session, expected one", file=source)
+        files = [prepared(one, temporary / str(n), out) for n, one in enumerate(sources)]
         found = [described(file) for file in files]
         if len(found) == 2:
             a, b = found
             if a is None or b is None:
                 raise InputError("only recordings of flexviz can be compared", file=files[a is not None])
-            files = [compared(a, b, out or temporary / "comparison.rrd")]
+            show_comparison(compare_results([a.known, b.known]))
         if not check:
             show(files, web, port, browser)
     return 0
 
 
 def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
-    """The recording to open: checked, repaired if truncated, created from a session."""
+    """The recording to open: checked, or created from a session."""
     from flexviz.content.session import is_session
-    from flexviz.outlets.recording import TruncatedRecording, check_recording, repair_recording
+    from flexviz.outlets.recording import check_recording
 
     if is_session(source):
         return from_session(source, out or temporary / f"{source.resolve().name}.rrd")
@@ -67,11 +66,7 @@ def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
         raise InputError(
             "neither a recording nor a session; `flexviz record` records a measurement set", file=source
         )
-    try:
-        checked = check_recording(source)
-    except TruncatedRecording as error:
-        checked = repair_recording(source)
-        say(f"{error}; the readable part is in {checked.file}")
+    checked = check_recording(source)
     confirmed = "matches" if checked.confirmed else "not available"
     say(f"{checked.file}: complete, {checked.chunks} chunks as in its footer; recorded SHA-256: {confirmed}")
     return checked.file
@@ -127,23 +122,6 @@ def errors(result: dict[str, Any]) -> str:
             found = JointErrors(rms, residual.get("torque_spread", ()), (), residual.get("units", ()))
             told.append(f"{name} {'; '.join(error_whole(found, j) for j in range(len(rms)))}")
     return ", ".join(told)
-
-
-def compared(a: Recording, b: Recording, out: Path) -> Path:
-    """Print the differences of two recordings and merge them into one."""
-    from flexviz.outlets.recording import compare_recordings, merge_recordings
-
-    found = compare_recordings(a, b)
-    width = max(len(title) for title in found.facts)
-    for title, (first, second) in found.facts.items():
-        say(f"{title:{width}}  A: {first}   B: {second}")
-    for row in found.notable:
-        place = f" of {row.joint}" if row.joint else ""
-        first, second = (f"{value:.5g}" for value in row.values)
-        apart = f"{row.deviations:.3g} standard errors apart"
-        say(f"{row.name}{place}: A {first}, B {second} {row.unit}, {apart}")
-    merge_recordings(found, out)
-    return out
 
 
 def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -> None:

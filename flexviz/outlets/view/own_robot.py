@@ -7,9 +7,10 @@ from contextlib import suppress
 
 from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
+from flexviz.checks import Issue
 from flexviz.content.charts import COLOURS
-from flexviz.content.wording import escape, listed, number, plural
-from flexviz.data.importing import ColumnPreview, Draft, Issue, LogPreview, Proposal
+from flexviz.content.wording import escape, issue_text, listed, number, plural
+from flexviz.data.importing import ColumnPreview, Draft, LogPreview, Proposal
 from flexviz.data.importing import Mapping as LogMapping
 
 # the first two are needed, the others are for comparison
@@ -116,7 +117,7 @@ def _first(issue: Issue) -> str:
 
 def _doubt(issue: Issue) -> str:
     start = "Wrong" if issue.severity == "wrong" else "Odd"
-    return f"{start}: {issue}"
+    return f"{start}: {issue_text(issue)}"
 
 
 def remedy_text(remedies: Sequence[Proposal]) -> str:
@@ -175,7 +176,7 @@ def own_state_html(missing: Sequence[str], issues: Sequence[Issue], checked: boo
         items = "".join(f"<div>• {escape(text)}</div>" for text in missing)
         return f'<div class="fv fv-doubt"><b>Still to be stated:</b>{items}</div>'
     wrong = sum(issue.severity == "wrong" for issue in issues)
-    odd = [escape(str(issue)) for issue in issues if issue.severity == "odd"]
+    odd = [escape(issue_text(issue)) for issue in issues if issue.severity == "odd"]
     if not checked:
         return '<div class="fv fv-dim">Changed since the last check; Open checks it again.</div>'
     if wrong:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from flexviz.base.facts import Fact
 from flexviz.content.wording.errors import noise_text
 from flexviz.content.wording.facts import says
+from flexviz.content.wording.issue_kinds import SATURATED, no_torque_text, stands_text
 from flexviz.content.wording.numbers import number
 
 
 @says("no-torque")
 def no_torque(fact: Fact) -> str:
     """Joints whose torque is no signal, and the key that leaves it out."""
-    each = "; ".join(f"{joint}: {why}" for joint, why in zip(fact.joints, fact.values["why"], strict=True))
-    names = ", ".join(f'"{joint}"' for joint in fact.joints)
-    what = "the torque of a joint is" if len(fact.joints) == 1 else "the torques of some joints are"
-    return f"{what} no signal ({each}): state no_torque = [{names}] in [model] to leave it out"
+    columns = zip(fact.joints, fact.values["levels"], fact.values["explained"], strict=True)
+    return no_torque_text({joint: {"values": levels, "share": share} for joint, levels, share in columns})
 
 
 @says("torque-saturated")
@@ -22,20 +23,11 @@ def torque_saturated(fact: Fact) -> str:
     """Joints whose torque stands at a limit."""
     names = ("lower", "upper", "tolerance", "rows")
     columns = zip(fact.joints, *(fact.values[name] for name in names), strict=True)
-    each = "; ".join(f"tau of {joint} {limit_text(*numbers)}" for joint, *numbers in columns)
-    return f"{each}: saturated; these rows are left out of fits"
-
-
-def limit_text(lower: float | None, upper: float | None, tolerance: float, rows: int) -> str:
-    """ "stands at its largest value (3.000 Nm) in 40 rows"; a side without a limit is None."""
-    if lower is None or upper is None:
-        side = "smallest" if upper is None else "largest"
-        at = f"{side} value ({number(lower if upper is None else upper, 4)} Nm)"
-    elif abs(lower + upper) <= 2 * tolerance + 1e-3 * upper:
-        at = f"largest / smallest value (±{number((upper - lower) / 2, 4)} Nm)"
-    else:
-        at = f"largest / smallest value ({number(upper, 4)} and {number(lower, 4)} Nm)"
-    return f"stands at its {at} in {rows} rows"
+    each = (
+        f"tau of {joint} {stands_text(-inf if low is None else low, inf if high is None else high, *rest)}"
+        for joint, low, high, *rest in columns
+    )
+    return f"{'; '.join(each)}: {SATURATED}"
 
 
 @says("filtered")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from flexviz.analysis.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
+from flexviz.analysis.diagnosis import Finding, why_no_curve
 from flexviz.base.errors import InputError
 from flexviz.content.records import found_shares
 from flexviz.content.session import Analysis, diagnosed_models
@@ -54,10 +54,7 @@ class DiagnoseStep(WorkflowStep):
         self._stopgap = ExplainedHtml(gui)
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
         self._add_curve = page.button("Add the free curve", self._curve_pressed, visible=False)
-        self._draft = page.client_button("Draft an effect file", self._send_draft, visible=False)
-        page.row((self._add_curve, self._draft))
         self._all = page.button("Add all found", self._add_all, visible=False)
-        self._draft_of: tuple[Diagnosis | None, CurveDraft | None] = (None, None)
         self._heading = ExplainedHtml(gui)
         self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
@@ -112,8 +109,6 @@ class DiagnoseStep(WorkflowStep):
         self._curve.show((free_chart(curve, height=HEIGHT),))
         self._add_curve.visible = current is not None and not why_no_curve(current)
         off(self._add_curve, why, "not physics: lowers the error of this motion; undo takes it back")
-        self._draft.visible = self._drafted() is not None
-        off(self._draft, "", "a Python file with the law that the free curve resembles, for --effects-from")
         self._heading.content = heading_html(current)
         self._show_findings()
         self._tried.content = trace_html(current, joints)
@@ -164,20 +159,6 @@ class DiagnoseStep(WorkflowStep):
         task = AddFreeCurve(analysis.without_result(), diagnosis, result and bandwidth_of(result))
         done = partial(self._take_curve, analysis)
         store.await_task(task, done, begin="adding the free curve", stopped=STOPPED, fit=FitProgress())
-
-    def _drafted(self) -> CurveDraft | None:
-        """The effect drafted from the free curve; computed once per diagnosis."""
-        current = self.store.analysis.current_diagnosis
-        if self._draft_of[0] is not current:
-            self._draft_of = current, current and draft_from_curve(current)
-        return self._draft_of[1]
-
-    def _send_draft(self, client: int) -> None:
-        draft = self._drafted()
-        if draft is None:
-            raise InputError("no effect can be drafted: there is no free curve that resembles a simple law")
-        self.page.send_file(client, draft.name, draft.content.encode())
-        self.store.say(f"{draft.name} sent: {draft.form.fact}; restart with --effects-from {draft.name}")
 
     def _take_curve(self, before: Analysis, found: DiagnosedSet) -> None:
         store, added, result = self.store, found.diagnosis.steps[-1].added, found.identification

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -14,11 +13,10 @@ from flexviz.content.session import Analysis
 from flexviz.content.wording import escape
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import Page, dim, off
-from flexviz.outlets.app.recordings import KINDS, Kind, Recordings, State
+from flexviz.outlets.app.recordings import Recordings, State
 from flexviz.outlets.app.rerun_page import RerunPage
 from flexviz.outlets.app.state import Changed, Turn
 from flexviz.outlets.app.store import Store
-from flexviz.outlets.app.style import half
 from flexviz.outlets.app.workspace import (
     FileContent,
     RecordSession,
@@ -32,9 +30,6 @@ from flexviz.outlets.app.workspace import (
 if TYPE_CHECKING:
     from flexviz.outlets.recording import Recorded
 
-VIEWER = "127.0.0.1:9876"  # default of a viewer that is started by hand
-START_VIEWER = f"{sys.executable} -m rerun --port 9876"
-
 
 class Files:
     """Save, download, report, record."""
@@ -43,9 +38,7 @@ class Files:
         self._store, self._page = store, page
         self._recorded: tuple[Path, Analysis] | None = None  # the last complete recording, and of what
         self._viewer = RerunPage()
-        self._notes: dict[Kind, str] = {}
         self._shown = ""  # a link to what Rerun shows (HTML)
-        gui = page.gui
         hint = "into ./sessions, with all results and the history"
         save = page.button("Save session", self._save, hint=hint)
         hint = "with its measurement set, as one zip file"
@@ -57,14 +50,9 @@ class Files:
         hint = "a Rerun file with the measured signals, all results and what is simulated by now"
         recording = page.client_button("Download recording", self._send_recording, hint=hint)
         hint = "records the analysis live in a Rerun file in ./sessions"
-        self._record = page.checkbox("Record", False, partial(self._switch, "file"), hint=hint)
-        hint = "sends the same to a Rerun viewer on this machine"
-        self._live = page.checkbox("Live viewer", False, partial(self._switch, "viewer"), hint=hint)
-        self._address = page.watch(gui.add_text("Viewer at", VIEWER, visible=False))
-        self._note = ExplainedHtml(gui)
+        self._record = page.checkbox("Record", False, self._switch, hint=hint)
+        self._note = ExplainedHtml(page.gui)
         self.recordings = Recordings(store, page.call, self._heard)
-        for box in (self._record, self._live):
-            page.style(half, box)
         page.row((save, download))
         page.row((self._report, self._animation))
         page.row((show, recording))
@@ -81,11 +69,10 @@ class Files:
         store.subscribe(Changed.CLOSED, self._viewer.close)
 
     def _opened(self) -> None:
-        """Start new recordings for a new set."""
-        for kind in KINDS:
-            if self._box(kind).value:
-                self.recordings.stop(kind)
-                self._switch(kind, True)
+        """Start a new recording for a new set."""
+        if self._record.value:
+            self.recordings.stop()
+            self._switch(True)
 
     def _refresh(self) -> None:
         analysis = self._store.analysis
@@ -94,12 +81,10 @@ class Files:
         why = why if nothing else ""
         off(self._report, why, "all results as one self-contained HTML file")
         off(self._animation, why, "measured and identified robot in motion, as one self-contained HTML file")
-        why = "switch Live viewer off first" if self._live.value else ""
-        off(self._address, why, f"where the viewer listens; start one with: {START_VIEWER}")
 
     def _tick(self) -> None:
         if size := self.recordings.size():
-            self._say("file", f"Recording: {size / 1e6:.1f} MB so far.")
+            self._say(f"Recording: {size / 1e6:.1f} MB so far.")
 
     def _start(self, doing: str, task: Task[Result], done: Callable[[Result], None]) -> None:
         """Start a task with progress and Stop, beside what is computing; `doing` is said meanwhile."""
@@ -142,7 +127,7 @@ class Files:
         def opened(file: Path, address: str) -> None:
             self._page.open_tab(client, address)
             self._shown = f'<a href="{escape(address)}" target="_blank">{escape(file.name)} in Rerun</a>'
-            self._say("file", f"{short(file)} is shown in Rerun; on this machine only.")
+            self._say(f"{short(file)} is shown in Rerun; on this machine only.")
             self._store.say(f"Rerun shows {file.name} in a new tab")
 
         def show(file: Path) -> None:
@@ -170,7 +155,7 @@ class Files:
 
     def _take_recording(self, made: Recorded, of: Analysis) -> None:
         self._recorded = made.file, of
-        self._say("file", f"Recorded in {short(made.file)} ({made.bytes / 1e6:.1f} MB).")
+        self._say(f"Recorded in {short(made.file)} ({made.bytes / 1e6:.1f} MB).")
         self._store.note_recording(made.file)
 
     def _send(self, client: int, file: FileContent) -> None:
@@ -179,44 +164,29 @@ class Files:
 
     def _toggle(self) -> None:
         self._record.value = not self._record.value
-        self._switch("file", self._record.value)
+        self._switch(self._record.value)
 
-    def _switch(self, kind: Kind, on: bool) -> None:
+    def _switch(self, on: bool) -> None:
         if not on:
-            self.recordings.stop(kind)
-            self._say(kind, "The recording is being closed." if kind == "file" else "")
-        else:
-            try:
-                self.recordings.start(kind, self._address.value)
-                self._say(kind, "A recording begins." if kind == "file" else "Calling the viewer.")
-            except Exception:
-                self._switched_off(kind)
-                raise
-        self._refresh()
+            self.recordings.stop()
+            self._say("The recording is being closed.")
+            return
+        try:
+            self.recordings.start()
+        except Exception:
+            self._record.value = False
+            raise
+        self._say("A recording begins.")
 
-    def _switched_off(self, kind: Kind) -> None:
-        self._box(kind).value = False
-        self._address.visible |= kind == "viewer"
-
-    def _heard(self, kind: Kind, state: State, value: Any) -> None:
+    def _heard(self, state: State, value: Any) -> None:
         if state == "failed":
-            self._switched_off(kind)
-            self._say(kind, "")
+            self._record.value = False
+            self._say("")
             self._store.fail(value)
         elif state == "open":
-            where = f"Sent to {self._address.value or VIEWER}."
-            self._say(kind, f"Recording in {short(value.file)}." if kind == "file" else where)
-        elif kind == "viewer":
-            self._say(kind, "")
+            self._say(f"Recording in {short(value.file)}.")
         else:
             self._take_recording(value, self._store.analysis)
-        self._refresh()
 
-    def _box(self, kind: Kind) -> Any:
-        return self._record if kind == "file" else self._live
-
-    def _say(self, kind: Kind, text: str) -> None:
-        self._notes[kind] = text
-        self._note.content = dim(
-            "".join(f"<div>{escape(said)}</div>" for said in self._notes.values() if said) + self._shown
-        )
+    def _say(self, text: str) -> None:
+        self._note.content = dim((f"<div>{escape(text)}</div>" if text else "") + self._shown)

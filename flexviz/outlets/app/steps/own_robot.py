@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 
-from flexviz.content.wording import escape
-from flexviz.data.importing import Draft, Issue, carry, edited, gaps
+from flexviz.checks import Issue
+from flexviz.content.wording import escape, issue_message, issue_text
+from flexviz.data.importing import Draft, carry, edited, gaps
 from flexviz.outlets.app.access import is_loopback
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.own_robot import MAPPING_FILE, ImportOwn, LookAtFiles, OwnFiles, OwnSet, mapping_text
@@ -195,7 +196,7 @@ class OwnRobot:
         if own is None or index >= len(fixable):
             return
         issue = fixable[index]
-        own.draft.accept(issue.remedies, issue.message)
+        own.draft.accept(issue.remedies, issue_message(issue))
         self._show_mounting(own.draft)
         self._issues = tuple(other for other in self._issues if other is not issue)
         self._checked, self._edits = False, self._edits + 1
@@ -233,7 +234,7 @@ class OwnRobot:
         off(self._anyway, why or ("" if wrong else "nothing is wrong: press Open"), "although it looks wrong")
         off(self._download, "", "the mapping file, for flexviz import")
         for button, issue in zip(self._remedies, self._fixable(), strict=False):
-            off(button, busy, str(issue))
+            off(button, busy, issue_text(issue))
 
     # -- the set -------------------------------------------------------------------------------------
 

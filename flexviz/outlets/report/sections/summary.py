@@ -127,7 +127,10 @@ def warnings(content: ReportContent) -> list[str]:
         out.append(f"The identification did not converge: {found.message}")
     out += hints(content.parameters)
     if not content.changed:
-        out += [_sentence(warning, (warning,)) for warning in content.measurements.warnings]
+        result = content.identification or content.diagnosis
+        contradicted = [entry.message for entry in result.recording] if result is not None else []
+        told = dict.fromkeys([*content.measurements.warnings, *contradicted])
+        out += [_sentence(warning, (warning,)) for warning in told]
     return out
 
 

@@ -1,0 +1,88 @@
+"""Payloads of groups: those of two exchanged, or one that was carried and not stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from flexviz.checks.faults import Case, Fault, hypothesis
+from flexviz.checks.reading import Reading
+from flexviz.robot.robot import PayloadBody
+
+LEAST, LARGEST, TRIED = 0.02, 1.0, 8  # masses that are tried, in units of the robot's own
+HALVINGS = 3  # of the ratio of two of them
+POINT = np.zeros(6)  # [kg m²] inertia of a small body
+
+
+@hypothesis
+def exchanged(case: Case) -> Iterator[Fault]:
+    if not case.payloads_known:
+        return
+    stated, names, seen = case.now.bodies, case.comparison.names, set()
+    for one, other in combinations(range(len(stated)), 2):
+        if stated[one] == stated[other]:
+            continue
+        mixed = list(stated)
+        mixed[one], mixed[other] = stated[other], stated[one]
+        if tuple(mixed) in seen:
+            continue
+        seen.add(tuple(mixed))
+
+        def carried(now: Reading, bodies: tuple[tuple[PayloadBody, ...], ...] = tuple(mixed)) -> Reading:
+            return replace(now, bodies=bodies)
+
+        values = {"groups": (names[one], names[other])}
+        yield Fault("payload", case.every, "payloads", carried, f"{one},{other}", values=values)
+
+
+@hypothesis
+def forgotten(case: Case) -> Iterator[Fault]:
+    """A mass at the last link of one group that is not stated: the size that explains most.
+
+    One that all groups carry is like another mass of the link itself, and is identified with it.
+    """
+    now, stated, names = case.now.bodies, case.comparison.bodies, case.comparison.names
+    if not case.payloads_known or sum(a == b for a, b in zip(now, stated, strict=True)) < 2:
+        return
+    for g, name in enumerate(names):
+        mass = _likely_mass(case, g)
+
+        def carried(now: Reading, mass: float = mass, g: int = g) -> Reading:
+            return _carrying(case, now, mass, g)
+
+        values, prior = {"groups": (name,), "mass": mass}, float(-np.log(TRIED))
+        yield Fault("payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,))
+
+
+def _likely_mass(case: Case, group: int) -> float:
+    """The mass that explains the torques of a group best [kg]."""
+
+    def score(mass: float) -> float:
+        return case.comparison.score(_carrying(case, case.now, mass, group))
+
+    least = float(np.sum(case.comparison.robot.cad_parameters[:, 0])) * LEAST
+    ratio = (LARGEST / LEAST) ** (1 / (TRIED - 1))
+    best = max((least * ratio**k for k in range(TRIED)), key=score)
+    for _ in range(HALVINGS):
+        ratio = np.sqrt(ratio)
+        best = max((best, best * ratio, best / ratio), key=score)
+    return float(best)
+
+
+def _carrying(case: Case, now: Reading, mass: float, group: int) -> Reading:
+    """A group with a mass more."""
+    more = (*now.bodies[group], _at_the_end(case, mass))
+    before, after = now.bodies[:group], now.bodies[group + 1 :]
+    return replace(now, bodies=(*before, more, *after))
+
+
+def _at_the_end(case: Case, mass: float) -> PayloadBody:
+    """A small body at the last link: where a stated payload is, else at the link's origin."""
+    link = case.comparison.robot.links[-1]
+    known = [body for bodies in case.now.bodies for body in bodies]
+    if known:
+        return PayloadBody(known[-1].link, mass, known[-1].com, POINT)
+    return PayloadBody(link, mass, np.zeros(3), POINT)

@@ -1,0 +1,43 @@
+"""What is wrong or odd with a recording, as facts: `flexviz.content.wording.issue_text` says it in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from flexviz.data.logs import Fix, Proposal
+
+Severity = Literal["wrong", "odd"]
+
+
+@dataclass(frozen=True, eq=False)
+class Issue:
+    """Something in a recording that looks wrong or odd.
+
+    Attributes:
+        kind: of fault: a hypothesis or a mask of `flexviz.checks`, or what else is seen.
+        severity: "wrong": the data contradict what is stated, and a set is written only if the user
+            insists; "odd": it may be intended.
+        joints: concerned; all of them where it concerns the whole recording.
+        signal: "theta", "tau", "q", "theta_ref", "theta and tau", "payloads" or "robot".
+        values: further facts by name; joints by name, SI units.
+        fixes: changes of a mapping that would resolve it, where they are known.
+        proposals: keys that would, for the user to decide.
+        alike: what explains the data as well.
+    """
+
+    kind: str
+    severity: Severity
+    joints: tuple[str, ...]
+    signal: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+    fixes: tuple[Fix, ...] = ()
+    proposals: tuple[Proposal, ...] = ()
+    alike: Sequence[Issue] = ()
+
+    @property
+    def remedies(self) -> tuple[Proposal, ...]:
+        """Fixes and proposals, all as keys of the mapping."""
+        fixes = (Proposal(("joints", fix.joint, fix.signal), fix.key, fix.value) for fix in self.fixes)
+        return *fixes, *self.proposals

@@ -1,0 +1,96 @@
+"""What a set's robot contradicts: an identification alone would silently fit a torque of the wrong sign."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+from threadpoolctl import threadpool_limits
+
+from flexviz.base.errors import Cancelled
+from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.checks.groups import check_groups
+from flexviz.checks.issues import Issue
+from flexviz.content.records import RecordingEntry
+from flexviz.content.wording import issue_text
+from flexviz.data.logs import parse_mapping
+from flexviz.data.measurements import Group, GroupTable, MeasurementSet
+
+log = logging.getLogger(__name__)
+# first group -> all groups of a set, and what was found: other settings of a set change nothing of it
+_FOUND: WeakKeyDictionary[Group, tuple[list[int], tuple[Issue, ...]]] = WeakKeyDictionary()
+COMPARING = "comparing the torques with the robot's masses"
+
+
+def with_plausibility_warnings(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> MeasurementSet:
+    """The set with a warning, logged too, for everything that its robot's masses contradict.
+
+    Of many joints that takes a while: stopped, it finds nothing.
+    """
+    texts = plausibility_warnings(measurements, progress, should_stop)
+    for text in texts:
+        log.warning("%s", text)
+    return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
+
+
+def plausibility_warnings(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> list[str]:
+    """What a set's robot contradicts, in words; nothing when stopped."""
+    file = measurements.path / "measurements.toml"
+    found = contradictions(measurements, progress, should_stop)
+    return [f"{file}: {issue_text(issue)}" for issue in found]
+
+
+def recording_entries(
+    measurements: MeasurementSet, should_stop: StopCallback | None = None
+) -> tuple[RecordingEntry, ...]:
+    """The same for documents."""
+    return tuple(
+        RecordingEntry(one.kind, one.severity, one.joints, one.signal, dict(one.values), issue_text(one))
+        for one in contradictions(measurements, ignore, should_stop or never)
+    )
+
+
+def contradictions(
+    measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
+) -> tuple[Issue, ...]:
+    """What a set's robot contradicts, found once per set; nothing when stopped."""
+    first, groups = measurements.groups[0], [id(group) for group in measurements.groups]
+    if first not in _FOUND or _FOUND[first][0] != groups:
+
+        def watch() -> None:
+            progress(Progress(COMPARING))
+            if should_stop():
+                raise Cancelled
+
+        try:
+            with threadpool_limits(1, "blas"):  # the matrices are small: threads would wait for each other
+                issues = issues_of_set(measurements, watch=watch)
+        except Cancelled:
+            return ()
+        _FOUND[first] = groups, tuple(issue for issue in issues if issue.severity == "wrong")
+    return _FOUND[first][1]
+
+
+def issues_of_set(
+    measurements: MeasurementSet,
+    keys: dict[str, float] | None = None,
+    *,
+    watch: Callable[[], None] = lambda: None,
+) -> list[Issue]:
+    """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
+    # a mapping that takes the set's columns unchanged
+    joints = {
+        joint: {"theta": f"t{joint}", "tau": f"u{joint}", **(keys or {})} for joint in measurements.joints
+    }
+    document = {"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": joints}
+    groups = [
+        (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
+    ]
+    return check_groups(parse_mapping(document, Path("mapping")), measurements.robot, groups, watch=watch)

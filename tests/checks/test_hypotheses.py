@@ -1,0 +1,39 @@
+"""A kind of fault is one file: what it yields is found in a set, with its words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from flexviz.checks import Case, Fault, issues_of_set
+from flexviz.checks.reading import Reading
+from flexviz.content.wording import issue_text
+from flexviz.data.measurements import MeasurementSet
+
+
+def test_a_payload_that_one_group_carried_and_nobody_stated(demo: MeasurementSet) -> None:
+    carried = next(g for g in demo.groups if g.bodies)
+    groups = tuple(replace(g, bodies=()) if g is carried else g for g in demo.groups)
+    (issue,) = issues_of_set(replace(demo, groups=groups))
+    assert (issue.kind, issue.severity, issue.values["groups"]) == ("payload", "odd", (carried.name,))
+    assert issue.values["mass"] == pytest.approx(sum(body.mass for body in carried.bodies), rel=0.25)
+
+
+def test_a_kind_of_fault_is_one_file(monkeypatch: pytest.MonkeyPatch, demo: MeasurementSet) -> None:
+    """A new one is found, with words and remedy, without any other change."""
+
+    def halved(now: Reading) -> Reading:
+        return replace(now, size=2.0 * now.size)
+
+    def hypothesis_of_tests(case: Case) -> Iterator[Fault]:
+        yield Fault("summed_twice", case.every, "tau", halved)
+
+    monkeypatch.setattr("flexviz.checks.faults.HYPOTHESES", {"made up": hypothesis_of_tests})
+    groups = tuple(
+        replace(g, segments=tuple(replace(s, tau=0.5 * s.tau) for s in g.segments)) for g in demo.groups
+    )
+    (issue,) = issues_of_set(replace(demo, groups=groups))
+    assert issue.kind == "summed_twice" and issue.joints == demo.joints
+    assert "with summed twice the robot's masses explain" in issue_text(issue)
