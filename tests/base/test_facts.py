@@ -16,7 +16,6 @@ from tests.test_architecture import PACKAGE, SOURCES, imports, tree, unit
 
 COMPUTING = ("base", "robot", "data", "checks", "model", "analysis")
 LEFT = {
-    "analysis/acceptance": 11,
     "analysis/designing": 21,
     "analysis/identification": 1,
     "analysis/laws": 12,
@@ -71,7 +70,6 @@ class Law:
 
 
 SPEAK = {
-    "analysis/acceptance",
     "analysis/designing",
     "analysis/diagnosis",
     "analysis/laws",

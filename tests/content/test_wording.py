@@ -30,7 +30,6 @@ from flexviz.content.wording import (
     FAMILY_TITLES,
     decoys_text,
     error_hover,
-    error_in_other,
     error_short,
     error_text,
     error_whole,
@@ -64,8 +63,6 @@ def test_an_error_is_in_per_cent_of_the_torque_and_in_nm_beside_the_noise() -> N
     assert (error_short(errors), error_short(errors, 1)) == ("25.0 %", "40.0 %")
     assert errors.mark is not None and errors.mark.values == pytest.approx([10 / 3, 1.0])
     assert error_hover(errors, 1) == "0.400 Nm; noise: 1.00 %, 10.0 mNm"
-    assert error_in_other(errors, 1, PERCENT) == "0.400 Nm"
-    assert error_in_other(errors, 1, "Nm") == "40.0 % of the torque"
     # the torque of a joint that is held still has no spread; a noise of zero is none
     assert error_hover(JointErrors((0.3,), (0.0,), (0.0,)), 0) == "0.300 Nm"
     assert JointErrors((0.3, 0.4)).mark is None

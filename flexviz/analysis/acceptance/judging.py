@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from flexviz.analysis.acceptance.limits import AcceptanceLimits
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.records import PERCENT, TORQUE, JointErrors, ParameterEstimate
 from flexviz.content.results import ResultDocument
-from flexviz.content.wording import error_in_other, number, plain_name
-
-NO_HELD_OUT = "no group is held out"
 
 
 @dataclass(frozen=True)
@@ -22,41 +20,44 @@ class AcceptanceLine:
     """One requirement.
 
     Attributes:
-        what: the quantity in words.
+        what: the quantity.
         joint: None for the whole robot.
         parameter: whose interval it is; None: an error or the verdict.
         figure: what the result has, in `unit`; None where it has none.
         limit: what it has to keep.
         unit: of both; empty for a verdict.
         passed: whether figure ≤ limit, or the verdict is one of the accepted ones.
-        remark: why there is no figure; empty otherwise.
-        also: an error in the other unit, per cent or Nm.
+        remark: why there is no figure; None otherwise.
+        also: an error in the other unit, per cent or Nm; None where it is not known.
     """
 
-    what: str
+    what: Fact
     joint: str | None
     parameter: str | None
     figure: float | str | None
     limit: float | str
     unit: str
     passed: bool
-    remark: str = ""
-    also: str = ""
+    remark: Fact | None = None
+    also: Fact | None = None
 
     @property
-    def figure_text(self) -> str:
+    def found(self) -> Fact:
         """ "3.21 %", "nothing-missing", or why there is no figure."""
-        if self.figure is None:
+        if self.remark is not None:
             return self.remark
-        if isinstance(self.figure, str):
-            return self.figure
-        also = f" ({self.also})" if self.also else ""
-        return f"{number(self.figure, 3)} {self.unit}{also}"
+        values = {"figure": self.figure, "unit": self.unit, "also": self.also and self.also.text}
+        return Fact("acceptance-figure", values=values)
 
     @property
-    def limit_text(self) -> str:
+    def required(self) -> Fact:
         """ "at most 5 %"."""
-        return self.limit if isinstance(self.limit, str) else f"at most {self.limit:g} {self.unit}"
+        return Fact("acceptance-limit", values={"limit": self.limit, "unit": self.unit})
+
+    def to_dict(self) -> dict[str, Any]:
+        """What JSON holds of it."""
+        texts = {name: str(getattr(self, name) or "") for name in ("what", "remark", "also")}
+        return {field.name: getattr(self, field.name) for field in fields(self)} | texts
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class AcceptanceResult:
 
     def to_dict(self) -> dict[str, Any]:
         """What JSON holds of it."""
-        return {"passed": self.passed, "lines": [asdict(line) for line in self.lines]}
+        return {"passed": self.passed, "lines": [line.to_dict() for line in self.lines]}
 
     @property
     def passed(self) -> bool:
@@ -75,11 +76,17 @@ class AcceptanceResult:
         return all(line.passed for line in self.lines)
 
     @property
+    def fact(self) -> Fact:
+        """How many requirements are met."""
+        met = sum(line.passed for line in self.lines)
+        return Fact(
+            "acceptance", "note" if self.passed else "wrong", values={"met": met, "of": len(self.lines)}
+        )
+
+    @property
     def text(self) -> str:
         """ "Accepted: 12 of 12 requirements are met."."""
-        met = sum(line.passed for line in self.lines)
-        word = "Accepted" if self.passed else "Not accepted"
-        return f"{word}: {met} of {len(self.lines)} requirements are met."
+        return self.fact.text
 
 
 def judge(result: ResultDocument, limits: AcceptanceLimits, joints: Sequence[str]) -> AcceptanceResult:
@@ -108,8 +115,16 @@ def judge(result: ResultDocument, limits: AcceptanceLimits, joints: Sequence[str
 
 def _verdict(result: ResultDocument, limits: AcceptanceLimits) -> AcceptanceLine:
     found, accepted = result.final_verdict, " or ".join(limits.verdict)
-    known = found in limits.verdict
-    return AcceptanceLine("verdict", None, None, found, accepted, "", known, "" if found else "not diagnosed")
+    known, why = found in limits.verdict, None if found else _no_figure("not-diagnosed")
+    return AcceptanceLine(_required("verdict"), None, None, found, accepted, "", known, why)
+
+
+def _required(what: str, parameter: str = "") -> Fact:
+    return Fact("acceptance-quantity", values={"what": what, "parameter": parameter})
+
+
+def _no_figure(why: str) -> Fact:
+    return Fact("no-figure", values={"why": why})
 
 
 def _errors(result: ResultDocument, joints: Sequence[str]) -> JointErrors | None:
@@ -136,22 +151,30 @@ def _held_out(
             continue
         known = index < len(values) and math.isfinite(values[index])
         figure = values[index] if known else None
-        remark = "" if known else NO_HELD_OUT if errors is None else "not known"
+        remark = None if known else _no_figure("unknown" if errors else "nothing-held-out")
         passed = figure is not None and figure <= limit
-        also = "" if errors is None or figure is None else error_in_other(errors, index, unit)
+        also = None if errors is None or figure is None else _in_other(errors, index, unit)
         if unit == TORQUE and errors is not None and errors.units:
             unit = errors.units[index]
-        yield AcceptanceLine("held-out error", joint, None, figure, limit, unit, passed, remark, also)
+        what = _required("held-out-error")
+        yield AcceptanceLine(what, joint, None, figure, limit, unit, passed, remark, also)
+
+
+def _in_other(errors: JointErrors, index: int, unit: str) -> Fact | None:
+    """The error of a joint in Nm where it is judged in per cent, and the other way round."""
+    own = errors.units[index] if errors.units else TORQUE
+    value, other = (errors.rms[index], own) if unit == PERCENT else (errors.shares[index], PERCENT)
+    return Fact("error-also", values={"error": value, "unit": other}) if math.isfinite(value) else None
 
 
 def _interval(name: str, joint: str | None, found: ParameterEstimate | None, limit: float) -> AcceptanceLine:
-    what, figure, remark = f"95 % interval of {plain_name(name)}", None, ""
+    what, figure, remark = _required("interval", name), None, None
     if found is None:
-        remark = "not in the model"
+        remark = _no_figure("not-in-model")
     elif found.identifiable == "no" or not math.isfinite(found.std) or not found.value:
-        remark = "not determined"
+        remark = _no_figure("not-determined")
     elif found.at_bound:
-        remark = "at its bound"
+        remark = _no_figure("at-bound")
     else:
         figure = 100.0 * NORMAL_95 * found.std / abs(found.value)
     passed = figure is not None and figure <= limit

@@ -7,16 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.content.wording import listed, number, plural, quantity
+from flexviz.base.facts import Fact
 from flexviz.data.measurements import Group, MeasurementSet
 
-NOT_PROVED = (
-    "Poses, speeds, torques and payloads beyond the range stated above; between its ends, what no held-out "
-    "motion passed.",
-    "Other robots of this type, and this one after wear, repair, or a change of temperature or oil.",
-    "The link side: motor-side data show the torque that a motion needs, not where the flange is.",
-    "That the named effects are the cause: an effect that acts alike in these motions has the same error.",
-    "Systematic errors of the sensors: a wrong torque constant scales torque and parameters alike.",
+NOT_PROVED = tuple(
+    Fact("not-proved", values={"what": what}) for what in ("range", "robots", "link-side", "cause", "sensors")
 )
 
 
@@ -37,10 +32,10 @@ class JointRange:
     torque: float
 
     @property
-    def text(self) -> str:
-        """ "joint1: -1.20 … 1.30 rad, up to 2.10 rad/s and 40.0 Nm"."""
-        angle = f"{number(self.low, 3)} … {number(self.high, 3)} rad"
-        return f"{self.joint}: {angle}, up to {number(self.speed, 3)} rad/s and {quantity(self.torque, 'Nm')}"
+    def fact(self) -> Fact:
+        """The same for a text."""
+        values = {"low": self.low, "high": self.high, "speed": self.speed, "torque": self.torque}
+        return Fact("joint-range", joints=(self.joint,), values=values)
 
 
 @dataclass(frozen=True)
@@ -66,18 +61,21 @@ class AcceptanceScope:
     temperatures: tuple[float, ...]
 
     @property
+    def fact(self) -> Fact:
+        """The scope without its joints, for a text."""
+        values = {
+            "held_out": self.held_out,
+            "seconds": self.seconds,
+            "payloads": tuple(self.payloads.items()),
+            "gravity": self.gravity,
+            "temperatures": self.temperatures,
+        }
+        return Fact("acceptance-scope", groups=self.groups, values=values)
+
+    @property
     def text(self) -> str:
         """The scope in one sentence."""
-        how = "held out, " if self.held_out else "fitted, not held out, "
-        loads = listed([f"{name} ({quantity(mass, 'kg')})" for name, mass in self.payloads.items()])
-        gravity = ", ".join(f"{value:g}" for value in self.gravity)
-        degrees = " … ".join(f"{value:g}" for value in dict.fromkeys(self.temperatures))
-        warm = f", at {degrees} °C" if degrees else ", at temperatures that are not stated"
-        return (
-            f"Holds for predictions within the recorded range of position, speed, torque and payload: "
-            f"{plural(len(self.groups), 'group')} ({how}{self.seconds:.0f} s), "
-            f"payload {loads}, gravity [{gravity}] m/s²{warm}."
-        )
+        return self.fact.text
 
 
 def acceptance_scope(measurements: MeasurementSet) -> AcceptanceScope:

@@ -12,7 +12,6 @@ from flexviz.content.wording.effects import (
 from flexviz.content.wording.errors import (
     SAID_AS_SHARES,
     error_hover,
-    error_in_other,
     error_in_torque,
     error_short,
     error_text,

@@ -47,14 +47,6 @@ def error_hover(errors: JointErrors, joint: int | None = None) -> str:
     return "; ".join(parts)
 
 
-def error_in_other(errors: JointErrors, joint: int, unit: str) -> str:
-    """The error of a joint, not in this unit but in the other one; empty if it is not known there."""
-    share = errors.shares[joint]
-    if unit == PERCENT:
-        return error_in_torque(errors, joint)
-    return f"{number(share, 3)} {PERCENT}" if math.isfinite(share) else ""
-
-
 def error_in_torque(errors: JointErrors, joint: int | None = None) -> str:
     """ "51.3 mNm", of a joint or of all: of those that turn and those that slide apart."""
     units = errors.units or (TORQUE,) * len(errors.rms)

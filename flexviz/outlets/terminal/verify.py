@@ -82,7 +82,7 @@ def lines_table(found: AcceptanceResult) -> Table:
     table = plain_table("", "joint", "requirement", numbers=["found"], end=["required"])
     for line in found.lines:
         state = "pass" if line.passed else "FAIL"
-        table.add_row(state, line.joint or "all", line.what, line.figure_text, line.limit_text)
+        table.add_row(state, line.joint or "all", line.what.text, line.found.text, line.required.text)
     return table
 
 
@@ -90,8 +90,8 @@ def scope_lines(found: AcceptanceResult, scope: AcceptanceScope) -> list[str]:
     """The sum, the range for which it holds, and what it does not prove."""
     from flexviz.analysis.acceptance import NOT_PROVED
 
-    ranges = [f"  {one.text}" for one in scope.joints]
-    return [found.text, scope.text, *ranges, "It does not prove:", *(f"  {text}" for text in NOT_PROVED)]
+    ranges = [f"  {one.fact}" for one in scope.joints]
+    return [found.text, scope.text, *ranges, "It does not prove:", *(f"  {fact}" for fact in NOT_PROVED)]
 
 
 def document(
@@ -108,5 +108,5 @@ def document(
         "limits": require.name,
         **found.to_dict(),
         "scope": asdict(scope) | {"text": scope.text},
-        "not_proved": list(NOT_PROVED),
+        "not_proved": [fact.text for fact in NOT_PROVED],
     }

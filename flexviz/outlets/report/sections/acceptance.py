@@ -24,9 +24,9 @@ def acceptance(content: ReportContent) -> Section | None:
         [
             Cell("pass" if line.passed else "fail", strong=not line.passed),
             line.joint or "all",
-            line.what,
-            line.figure_text,
-            line.limit_text,
+            line.what.text,
+            line.found.text,
+            line.required.text,
         ]
         for line in found.lines
     ]
@@ -36,7 +36,7 @@ def acceptance(content: ReportContent) -> Section | None:
         Callout(found.text, "good" if found.passed else "missing"),
         table(("", "joint", "requirement", "found", "required"), rows, (3,)),
         Paragraph(scope.text),
-        Items([one.text for one in scope.joints]),
+        Items([one.fact.text for one in scope.joints]),
         Paragraph("This does not prove:"),
-        Items(NOT_PROVED),
+        Items([fact.text for fact in NOT_PROVED]),
     )
