@@ -28,7 +28,7 @@ LONGEST_FUNCTION = 60  # [lines]
 LAYERS = (
     {
         "base": "_scipy arrays errors facts fields files fourier iteration jobs limits names nonnegative"
-        " parallel progress recent resources schemas search statistics toml units"
+        " parallel progress recent resources schemas search spelling statistics toml units"
     },
     {"robot": "_pinocchio model mounting robot robot_files urdf_checks urdf_inertias urdf_joints urdf_units"},
     {"model": "effects"},  # a set names those of its model

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.static_stiffness import add_pushes, make_case, outcome
 from flexviz import identify, read_set
-from flexviz.analysis.designing import design_static, static_lines, subject_of, write_static
+from flexviz.analysis.designing import design_static, static_fact, subject_of, write_static
 from flexviz.analysis.estimation.holds import HoldsTerm, clamped_compliances, free_holds
 from flexviz.base.errors import InputError
 from flexviz.data.measurements import HoldGroup, Holds, MeasurementSet, find_holds
@@ -199,7 +199,7 @@ def test_a_static_test_is_designed(arm: tuple[MeasurementSet, np.ndarray], tmp_p
     found = design_static(subject_of(replace(arm[0], holds=())), seed=1)
     assert found.clamped == 6 and np.all(found.errors < 0.03) and np.all(found.hung > 0.03)
     assert found.force < 1000
-    text = "\n".join(static_lines(found))
+    text = static_fact(found).text
     assert "That is not enough for any joint: clamp the flange." in text and "clamped = true" in text
     write_static(found, tmp_path / "out")
     assert (tmp_path / "out" / "pushes.csv").read_text().startswith("joint,torque\n")

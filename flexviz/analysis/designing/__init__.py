@@ -4,9 +4,9 @@ from flexviz.analysis.designing.motion import Reached
 from flexviz.analysis.designing.prediction import PredictedError, predict_errors
 from flexviz.analysis.designing.run import Design, DesignedGroup, design
 from flexviz.analysis.designing.settings import DesignSettings, LimitTable, settings_from
-from flexviz.analysis.designing.static import StaticDesign, design_static, static_lines, write_static
+from flexviz.analysis.designing.static import StaticDesign, design_static, static_fact, write_static
 from flexviz.analysis.designing.subject import Planned, subject_of
-from flexviz.analysis.designing.writing import design_files, summary_lines, write_design
+from flexviz.analysis.designing.writing import design_facts, design_files, write_design
 
 __all__ = [
     "Design",
@@ -18,13 +18,13 @@ __all__ = [
     "Reached",
     "StaticDesign",
     "design",
+    "design_facts",
     "design_files",
     "design_static",
     "predict_errors",
     "settings_from",
-    "static_lines",
+    "static_fact",
     "subject_of",
-    "summary_lines",
     "write_design",
     "write_static",
 ]

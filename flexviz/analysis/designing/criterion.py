@@ -11,6 +11,7 @@ import numpy as np
 from flexviz.analysis.estimation import Projection, sandwich
 from flexviz.base.arrays import Array, Indices
 from flexviz.base.errors import InputError, choose_from
+from flexviz.base.facts import Fact
 
 DEFAULT_PARAMETERS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 SMALLEST_SCALE = 0.05  # of the largest value with the same name: a parameter near zero has no relative error
@@ -21,11 +22,11 @@ class DesignCriterion(ABC):
     """A function of the total information; smaller is better.
 
     Attributes:
-        text: what it is.
+        fact: what it is.
         unit: of `shown`.
     """
 
-    text: str
+    fact: Fact
     unit: str
 
     @abstractmethod
@@ -51,9 +52,8 @@ class LeastErrors(DesignCriterion):
     unit = "%"
 
     @property
-    def text(self) -> str:  # type: ignore[override]
-        kind = "geometric mean" if self.geometric else "root mean square"
-        return f"{kind} of the relative standard errors"
+    def fact(self) -> Fact:  # type: ignore[override]
+        return Fact("design-criterion", values={"of": "volume" if self.geometric else "errors"})
 
     def value(self, gram: Array) -> float:
         covariance = sandwich(gram, gram, self.prior).matrix[np.ix_(self.chosen, self.chosen)]
@@ -79,7 +79,7 @@ class BestSeparation(DesignCriterion):
     prior: Array  # (P, P)
     own: tuple[Indices, Indices]  # indices of each effect's parameters
     counts: tuple[bool, bool] = (True, True)  # which of the two gains counts
-    text = "expected gain in log likelihood of the right effect over the wrong one"
+    fact = Fact("design-criterion", values={"of": "separation"})
     unit = ""
 
     def gains(self, gram: Array) -> tuple[float, float]:

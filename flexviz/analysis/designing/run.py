@@ -19,6 +19,7 @@ from flexviz.analysis.designing.settings import DesignSettings, check_band, choo
 from flexviz.analysis.designing.subject import Planned, Subject, subject_of
 from flexviz.base.arrays import Array
 from flexviz.base.errors import Cancelled, InputError
+from flexviz.base.facts import Fact
 from flexviz.base.names import names_of
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.data.measurements import MeasurementSet
@@ -68,7 +69,7 @@ class Design:
     subject: str
     joints: tuple[str, ...]
     groups: tuple[DesignedGroup, ...]
-    criterion: str
+    criterion: Fact
     unit: str
     before: float
     value: float
@@ -209,7 +210,7 @@ class _Work:
             subject=subject.name,
             joints=subject.robot.joints,
             groups=tuple(groups),
-            criterion=criterion.text,
+            criterion=criterion.fact,
             unit=criterion.unit,
             before=criterion.shown(before),
             value=criterion.shown(search.value),

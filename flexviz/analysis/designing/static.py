@@ -22,9 +22,10 @@ from flexviz.analysis.designing.settings import DesignSettings, Limits, choose_p
 from flexviz.analysis.designing.subject import Subject
 from flexviz.base.arrays import Array, Indices
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.files import as_json, named_errors, whole_folder
+from flexviz.base.spelling import listed
 from flexviz.base.statistics import NORMAL_95, student_95
-from flexviz.content.wording import listed, number, percent, plural
 from flexviz.data.measurements import Holds, check_free
 from flexviz.model.equation import LinkDynamics
 from flexviz.robot._pinocchio import pin
@@ -199,49 +200,25 @@ def _information(columns: Array) -> Array:
     return flat.T @ flat + 1e-12 * np.eye(columns.shape[2])
 
 
-def static_lines(design: StaticDesign) -> list[str]:
+def static_fact(design: StaticDesign) -> Fact:
     """What to do, and what it is expected to show."""
-    joints = design.joints[: design.clamped]
-    pose = ", ".join(f"{value:.3f}" for value in design.pose)
-    what = "the flange" if len(joints) == len(design.joints) else f"the link behind {joints[-1]}"
-    count = len(pushed(design.passes))
-    named = ", ".join(f'"{joint}"' for joint in joints)
-    clamped = "true" if len(joints) == len(design.joints) else f"[{named}]"
-    lines = [
-        f"{design.subject}: static test, motor side only",
-        "",
-        f"Clamp {what} at {pose} rad, to something stiffer than the joints.",
-        f"It bears up to {number(design.force, 3)} N and {number(design.moment, 3)} Nm.",
-        f"Then push, one joint after the other, in {LEVELS} steps up and down, "
-        f"{plural(design.passes, 'time')} ({count} holds of 1 s each, reached without swinging back); "
-        "pushes.csv has the torques.",
-        "",
-        "Expected (± 95 %):",
-    ]
-    for joint, push, error in zip(joints, design.pushes, design.errors, strict=True):
-        lines.append(f"  {joint}  pushes up to {number(push, 3)} Nm  stiffness ± {percent(error)}")
-    if others := design.joints[design.clamped :]:
-        lines.append(
-            f"  {listed(list(others))}: behind the clamp; clamp the flange for them, with the others braked"
-        )
-    enough = [j for j, error in zip(design.joints, design.hung, strict=True) if error < WANTED]
-    shown = ", ".join(
-        f"{joint} ± {percent(error) if error < 1 else 'more than 100 %'}"
-        for joint, error in zip(design.joints, design.hung, strict=True)
-    )
-    lines += [
-        "",
-        f"Hanging {design.payload} at the {len(design.poses)} poses of poses.csv instead, each reached from "
-        f"both sides, gives at best, with all masses known: {shown}.",
-        f"That is enough for {listed(enough)}."
-        if enough
-        else "That is not enough for any joint: clamp the flange.",
-        "",
-        "In measurements.toml:",
-        '  [[groups]]\n  name = "pushes"\n  trajectory = "pushes"\n  payload = "…"\n  file = "pushes.csv"',
-        f'  kind = "holds"\n  clamped = {clamped}',
-    ]
-    return lines
+    values = {
+        "subject": design.subject,
+        "clamped": design.clamped,
+        "pose": tuple(design.pose.tolist()),
+        "force": design.force,
+        "moment": design.moment,
+        "levels": LEVELS,
+        "passes": design.passes,
+        "holds": len(pushed(design.passes)),
+        "pushes": tuple(design.pushes.tolist()),
+        "errors": tuple(design.errors.tolist()),
+        "payload": design.payload,
+        "poses": len(design.poses),
+        "hung": tuple(float(error) for error in design.hung),
+        "wanted": WANTED,
+    }
+    return Fact("static-test", joints=tuple(design.joints), values=values)
 
 
 def static_files(design: StaticDesign) -> dict[str, str]:
@@ -264,7 +241,7 @@ def static_files(design: StaticDesign) -> dict[str, str]:
         "pushes.csv": _csv(["joint", "torque"], rows),
         "poses.csv": _csv([f"theta_{joint}" for joint in design.joints], poses),
         "static.json": as_json(document),
-        "summary.txt": "\n".join(static_lines(design)) + "\n",
+        "summary.txt": static_fact(design).text + "\n",
     }
 
 

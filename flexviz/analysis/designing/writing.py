@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.analysis.designing.motion import Reached
 from flexviz.analysis.designing.run import Design
 from flexviz.analysis.designing.subject import Planned
 from flexviz.base.arrays import Array
+from flexviz.base.facts import Fact
 from flexviz.base.files import as_json, named_errors, whole_folder
-from flexviz.content.results import interval
-from flexviz.content.wording import effect_text_name, plural, unit_text
 from flexviz.data.measurements import check_free
 from flexviz.model.simulation import Fourier
 from flexviz.robot.model import INERTIAL_NAMES
@@ -39,7 +39,7 @@ def design_files(design: Design) -> dict[str, str]:
         files[f"{group.planned.name}.csv"] = reference_csv(group.planned, design.joints)
         files[f"{group.planned.name}.yaml"] = trajectory_yaml(group.planned, design.joints)
     files["design.json"] = as_json(design_document(design))
-    files["summary.txt"] = "\n".join(summary_lines(design)) + "\n"
+    files["summary.txt"] = "\n\n".join(fact.text for fact in design_facts(design)) + "\n"
     return files
 
 
@@ -120,7 +120,7 @@ def design_document(design: Design) -> dict[str, Any]:
                 "limits": [asdict(one) for one in group.used],
             }
         )
-    kept = {name: getattr(design, name) for name in KEPT}
+    kept = {name: getattr(design, name) for name in KEPT} | {"criterion": design.criterion.text}
     errors = [asdict(one) for one in design.errors]
     return {"format": 1, **kept, "random": design.before, "groups": groups, "parameters": errors}
 
@@ -129,46 +129,28 @@ def _text(value: float) -> str:
     return f"{round(float(value), DIGITS) + 0.0:.{DIGITS}g}"
 
 
-def summary_lines(design: Design) -> list[str]:
-    """What to record, what it uses of the limits, and what it is expected to show."""
-    lines = [f"{design.subject}: {plural(len(design.groups), 'group')}, seed {design.seed}"]
-    for group in design.groups:
-        planned = group.planned
-        used = ", ".join(f"{one.limit} {100 * one.share:.0f} %" for one in group.used[:MOST_LIMITS])
-        lines.append(f"  {planned.name}: payload {planned.payload}, {planned.duration:g} s; uses {used}")
-    if design.beside:
-        lines.append(f"  together with the recorded groups {', '.join(design.beside)}")
-    lines.append("")
-    unit = f" {design.unit}" if design.unit else ""
-    random = f"a random motion within the limits {design.before:.3g}{unit}"
-    lines.append(f"{design.criterion}: {design.value:.3g}{unit}, of {random}")
-    lines += _separation(design)
-    lines += ["", "Expected of identify --refine with these groups alone (± 95 %):"]
-    rows, hidden = [], 0
-    for error in design.errors:
-        if error.prior_share > FROM_PRIOR or error.name in INERTIAL_NAMES:
-            hidden += error.prior_share > FROM_PRIOR and error.name not in INERTIAL_NAMES
-            continue
-        value, width = interval(error.value, error.std)
-        rows.append((error.label, value, f"± {width}", unit_text(error.unit)))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
-    lines += ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    if hidden:
-        lines.append(f"({hidden} parameters that these motions do not show are left out)")
-    if design.stopped:
-        lines.append("stopped early: the best groups so far")
-    return lines
+def design_facts(design: Design) -> tuple[Fact, Fact]:
+    """What to record and what it uses of the limits; what it is expected to show."""
+    groups = tuple(
+        (group.planned.name, group.planned.payload, group.planned.duration, used_text(group.used))
+        for group in design.groups
+    )
+    plan = {name: getattr(design, name) for name in ("subject", "seed", "beside", "unit", "value", "before")}
+    plan |= {name: getattr(design, name) for name in ("separates", "gains", "recorded_gains")}
+    own = [error for error in design.errors if error.name not in INERTIAL_NAMES]
+    shown = [error for error in own if error.prior_share <= FROM_PRIOR]
+    expected = {
+        "errors": tuple((error.label, error.value, error.std, error.unit) for error in shown),
+        "hidden": len(own) - len(shown),
+        "stopped": design.stopped,
+    }
+    criterion = design.criterion.values["of"]
+    return (
+        Fact("design-plan", values=plan | {"recorded": groups, "criterion": criterion}),
+        Fact("design-expected", values=expected),
+    )
 
 
-def _separation(design: Design) -> list[str]:
-    if not design.separates:
-        return []
-    first, second = (effect_text_name(text) for text in design.separates)
-    lines = [
-        f"  if {true} is the true one, it is expected to win over {false} by {gain:.3g} in log likelihood"
-        for true, false, gain in ((first, second, design.gains[0]), (second, first, design.gains[1]))
-    ]
-    if design.recorded_gains:
-        known = " and ".join(f"{gain:.3g}" for gain in design.recorded_gains)
-        lines.append(f"  with the recorded groups alone: {known}")
-    return lines
+def used_text(used: Sequence[Reached]) -> str:
+    """The limits that a group uses most, "velocity of joint1 98 %"."""
+    return ", ".join(f"{one.limit} {100 * one.share:.0f} %" for one in used[:MOST_LIMITS])

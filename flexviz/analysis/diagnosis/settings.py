@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from flexviz.analysis.identification import FitSettings
 from flexviz.base.errors import InputError
-from flexviz.content.wording import listed
+from flexviz.base.spelling import listed
 from flexviz.data.measurements import MeasurementSet
 
 ITS_OWN = ("observer", "bandwidth", "gains", "refine", "max_iterations")  # settings that a diagnosis chooses

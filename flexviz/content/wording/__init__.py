@@ -1,5 +1,6 @@
 """Text for numbers, effects and findings, shared by app, report, recording and command line."""
 
+from flexviz.base.spelling import listed, number, plural
 from flexviz.content.wording.effects import (
     SCOPES,
     bounds_text,
@@ -78,13 +79,10 @@ from flexviz.content.wording.numbers import (
     as_markdown,
     escape,
     interval,
-    listed,
     markdown_table,
     measured,
     measured_parts,
-    number,
     plain_name,
-    plural,
     quantity,
     short_names,
     si_scale,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from flexviz.base.spelling import listed, number
 from flexviz.content.records import PERCENT, TORQUE, JointErrors, total_rms
-from flexviz.content.wording.numbers import listed, number, quantity
+from flexviz.content.wording.numbers import quantity
 
 SAID_AS_SHARES = ("explained", "unexplained")
 """Kinds of notes that the joints' shares of the torque replace."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flexviz.base.spelling import number
 from flexviz.content.records import (
     NOT_DETERMINED,
     Combination,
@@ -9,7 +10,7 @@ from flexviz.content.records import (
     ParameterEstimate,
     is_determined,
 )
-from flexviz.content.wording.numbers import MARKS, interval, measured, number, quantity
+from flexviz.content.wording.numbers import MARKS, interval, measured, quantity
 
 Estimate = ParameterEstimate | Combination | EffectParameter
 

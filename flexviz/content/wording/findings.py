@@ -5,18 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from flexviz.base.spelling import listed, number, plural
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.records import Absorbed, CandidateEffect, EffectParameter, Family, FoundEffect, Tie
 from flexviz.content.wording.estimates import NOT_DETERMINED, determined
-from flexviz.content.wording.numbers import (
-    listed,
-    measured,
-    number,
-    plain_name,
-    plural,
-    si_scale,
-    unit_text,
-)
+from flexviz.content.wording.numbers import measured, plain_name, si_scale, unit_text
 from flexviz.model.effects import EFFECTS, free_curve
 
 FAMILY_TITLES = {

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from flexviz.base.spelling import listed, number, plural
 from flexviz.content.wording.issues import IssueLike, gained, general, keys_text, percent, says
-from flexviz.content.wording.numbers import listed, number, plural
 
 SATURATED = "saturated; these rows are left out of fits"
 

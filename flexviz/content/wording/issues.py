@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
-from flexviz.content.wording.numbers import listed, number
+from flexviz.base.spelling import listed, number
 from flexviz.robot.mounting import gravity_text
 
 

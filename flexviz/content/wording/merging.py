@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from flexviz.base.spelling import listed
 from flexviz.content.records import CandidateEffect, DiagnosisLike, FindingKey, FoundEffect, finding_key
 from flexviz.content.wording.findings import (
     UNTOLD,
@@ -21,7 +22,6 @@ from flexviz.content.wording.findings import (
     share_text,
     tied_family,
 )
-from flexviz.content.wording.numbers import listed
 
 LIKELY = 0.5  # confidence from which a finding is likelier than not: two of these are no rivals
 COUNTS = ("three", "four", "five", "six", "seven", "eight")

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from flexviz.base.spelling import listed, number, plural
 from flexviz.content.records import Decoys, Move
 from flexviz.content.wording.findings import effect_text_name, where_text
 from flexviz.content.wording.merging import Families, text_names
-from flexviz.content.wording.numbers import listed, number, plural, with_error
+from flexviz.content.wording.numbers import with_error
 
 MOVES = {
     "add": "{added}{not_} added",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from flexviz.base.spelling import number
 from flexviz.content.records import (
     DetectionLimit,
     DiagnosisLike,
@@ -18,7 +19,7 @@ from flexviz.content.records import (
 from flexviz.content.wording.errors import left_text, percent
 from flexviz.content.wording.findings import ALONG, UNTOLD, share_text
 from flexviz.content.wording.merging import MergedFinding, confidence_range, joint_score, merged_findings
-from flexviz.content.wording.numbers import number, unit_text
+from flexviz.content.wording.numbers import unit_text
 from flexviz.model.effects import free_curve
 
 BEGINNINGS = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexviz.base.arrays import Bools, Indices
 from flexviz.base.errors import InputError
-from flexviz.content.wording import number
+from flexviz.base.spelling import number
 from flexviz.data.logs.clocks import LogClock, clock_of, rows_in_order
 from flexviz.data.logs.formats.base import SHORTEST, Log
 from flexviz.data.logs.mapping import NEEDED, SIGNALS, LogEntry, Mapping, TorqueColumn

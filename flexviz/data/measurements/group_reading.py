@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from flexviz.base.errors import FlexvizError, InputError, choose_from
-from flexviz.content.wording import plural
+from flexviz.base.spelling import plural
 from flexviz.data.measurements.bridging import Bridged
 from flexviz.data.measurements.data import OPTIONAL_SIGNALS, Array, Group
 from flexviz.data.measurements.schema import Body, GroupEntry, SetHeader

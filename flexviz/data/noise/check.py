@@ -11,7 +11,7 @@ import numpy as np
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
-from flexviz.content.wording import number
+from flexviz.base.spelling import number
 from flexviz.data.measurements import Group, MeasurementSet, row_name
 from flexviz.data.noise.group_noise import GroupNoise, group_noise
 from flexviz.data.noise.thresholds import THRESHOLDS

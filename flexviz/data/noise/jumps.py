@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.base.arrays import Array, Indices
-from flexviz.content.wording import number
+from flexviz.base.spelling import number
 from flexviz.data.measurements import Segment, likely_limits
 from flexviz.data.noise.estimates import white_noise
 from flexviz.data.noise.findings import Channel, Remedy, SampleFinding, worst_of_columns

@@ -16,7 +16,7 @@ import numpy as np
 
 from flexviz.base.arrays import Array, Bools, Indices
 from flexviz.base.errors import InputError
-from flexviz.content.wording import number
+from flexviz.base.spelling import number
 from flexviz.data.measurements import GAP
 from flexviz.data.noise.findings import Channel, Remedy, SampleFinding, runs
 from flexviz.data.noise.thresholds import THRESHOLDS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools, Indices
-from flexviz.content.wording import number
+from flexviz.base.spelling import number
 from flexviz.data.noise.findings import Channel, Remedy, SampleFinding, runs
 from flexviz.data.noise.thresholds import THRESHOLDS
 

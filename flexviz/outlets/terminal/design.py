@@ -58,7 +58,7 @@ def design(
     """Choose motions and payloads from which parameters, or a missing effect, are learned best."""
     with Reporter(f"reading {robot}") as report:
         from flexviz.analysis.designing import design as search
-        from flexviz.analysis.designing import settings_from, summary_lines, write_design
+        from flexviz.analysis.designing import design_facts, settings_from, write_design
         from flexviz.data.measurements import check_free
 
         check_free(out)
@@ -74,7 +74,8 @@ def design(
                 should_stop=should_stop,
             )  # fmt: skip
             write_design(found, out)
-    terminal.print_lines([*summary_lines(found), f"written to {out}"])
+    plan, expected = design_facts(found)
+    terminal.print_lines([f"{plan}\n\n{expected}", f"written to {out}"])
     return 130 if found.stopped else 0
 
 
@@ -88,13 +89,13 @@ def _static(
     report: Reporter,
 ) -> int:
     """A static test instead of motions."""
-    from flexviz.analysis.designing import design_static, static_lines, subject_of, write_static
+    from flexviz.analysis.designing import design_static, static_fact, subject_of, write_static
 
     with interruptible("nothing is written") as should_stop:
         subject = subject_of(robot, effects, progress=report, should_stop=should_stop)
     found = design_static(subject, settings, seed, file)
     write_static(found, out)
-    terminal.print_lines([*static_lines(found), f"written to {out}"])
+    terminal.print_lines([static_fact(found).text, f"written to {out}"])
     return 0
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from flexviz.base.facts import Fact
+from flexviz.base.spelling import listed, number, plural
 from flexviz.content.records import PERCENT
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.numbers import listed, number, plain_name, plural, quantity
+from flexviz.content.wording.numbers import plain_name, quantity
 
 QUANTITIES = {
     "verdict": "verdict",

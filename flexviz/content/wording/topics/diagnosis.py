@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from flexviz.base.facts import Fact
+from flexviz.base.spelling import listed, number, plural
 from flexviz.content.records import JointErrors
 from flexviz.content.wording.errors import error_whole, left_text, percent
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.numbers import interval, listed, number, plain_name, plural, unit_text
+from flexviz.content.wording.numbers import interval, plain_name, unit_text
 from flexviz.model.effects import EFFECTS
 
 PLACES = {

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from flexviz.base.facts import Fact
+from flexviz.base.spelling import listed, plural
 from flexviz.content.wording.errors import percent
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.numbers import listed, plain_name, plural
+from flexviz.content.wording.numbers import plain_name
 
 ENDS = {
     "converged": "converged",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import inf
 
 from flexviz.base.facts import Fact
+from flexviz.base.spelling import number
 from flexviz.content.wording.errors import noise_text
 from flexviz.content.wording.facts import says
 from flexviz.content.wording.issue_kinds import SATURATED, no_torque_text, stands_text
-from flexviz.content.wording.numbers import number
 
 
 @says("no-torque")

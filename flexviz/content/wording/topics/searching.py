@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from flexviz.base.facts import Fact
+from flexviz.base.spelling import listed
 from flexviz.content.records import JointErrors
 from flexviz.content.wording.errors import error_short, error_text, error_whole
 from flexviz.content.wording.facts import says
 from flexviz.content.wording.merging import text_names
-from flexviz.content.wording.numbers import listed
 from flexviz.content.wording.verdicts import MOST_NAMED
 from flexviz.model.effects import EFFECTS
 

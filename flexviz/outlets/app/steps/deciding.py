@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import takewhile
 
-from flexviz.analysis.designing import Design, DesignSettings, design, design_files, summary_lines
+from flexviz.analysis.designing import Design, DesignSettings, design, design_facts, design_files
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.base.errors import InputError
 from flexviz.base.files import zipped
@@ -77,7 +76,8 @@ class DecidingMotion:
             off(self.button, self._store.why_not, f"one more group, within the URDF's limits, for {names}")
         off(self.download, "", "references as CSV and ROS 2 trajectory, with the expected errors")
         if known and self._found is not None:
-            lines = takewhile(lambda line: not line.startswith("Expected of"), summary_lines(self._found[1]))
+            plan, _ = design_facts(self._found[1])
+            lines = plan.text.splitlines()
             self._text.content = dim("<br>".join([NEXT, *(escape(line) for line in lines if line)]))
 
     def _start(self) -> None:
