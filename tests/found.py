@@ -119,7 +119,7 @@ PLACES = (
 )
 CURVE = FreeCurve(
     "joint2", "velocity", "rad/s", ("",), np.linspace(-1, 1, 81), np.tanh(np.linspace(-3, 3, 81))[None],
-    np.full((1, 81), 0.05), 0.4, 0.03, 1.0,
+    np.full((1, 81), 0.05), 0.4, 0.03, 1.0, Fact("curve-not-physics"),
 )  # fmt: skip
 NOTE = Fact("unexplained", values={"text": "what stays unexplained (Nm): joint2 0.03 (2 times the noise)"})
 BANDWIDTHS = np.array([26.0, 48.0, 88.0])

@@ -59,7 +59,7 @@ def last_law(measurements: MeasurementSet, effects: tuple[str, ...], refine: boo
 def test_the_data_lie_on_the_right_law_only(effect: str, tmp_path: Path) -> None:
     measurements, right = simulated(effect, tmp_path / "set")
     law = last_law(measurements, right, refine=True)
-    assert law.effect == effect and law.variable.startswith(variable_of(EFFECTS[effect]).label)
+    assert law.effect == effect and law.variable == variable_of(EFFECTS[effect]).name
     assert len(law.at) > 4 and np.all(np.diff(law.at) > 0) and np.all(law.data_std >= law.noise)
     at, line, _ = law.line
     rises = np.abs(np.diff(line)).sum()  # a line is drawn, not a scatter: at most two waves

@@ -11,6 +11,7 @@ import pytest
 from pydantic import ValidationError
 
 from flexviz.analysis.diagnosis import Step
+from flexviz.analysis.laws import VARIABLES
 from flexviz.content.records import (
     PERCENT,
     Absorbed,
@@ -47,6 +48,7 @@ from flexviz.content.wording import (
     told_moves,
     verdict_text,
 )
+from flexviz.content.wording.law_axes import VARIABLES as LABELS
 from flexviz.content.wording.verdicts import STOPPED
 from flexviz.model.effects import EFFECT_FAMILIES, EFFECTS
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, FRICTION, OFFSET, TIED, TIED_DIAGNOSIS, TRACE
@@ -70,6 +72,10 @@ def test_an_error_is_in_per_cent_of_the_torque_and_in_nm_beside_the_noise() -> N
     assert error_text(stated_errors(step, (2.0,))) == "10.0 % of the torque"
     step.rms_validation = (math.nan,)
     assert error_text(stated_errors(step, (2.0,))) == "15.0 % of the torque"
+
+
+def test_the_variables_of_laws_have_labels() -> None:
+    assert set(VARIABLES) == set(LABELS)
 
 
 def test_the_noise_of_a_model_changes_no_error() -> None:

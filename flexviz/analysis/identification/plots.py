@@ -9,10 +9,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from flexviz.analysis.laws import LawThroughData, law_chart, laws_of
+from flexviz.analysis.laws import LawThroughData, laws_of
 from flexviz.base.errors import InputError, choose_from
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.charts import COLOURS, Chart, ChartAxis, Figure, Ribbon, time_chart
+from flexviz.content.results import law_chart
 from flexviz.data.measurements import MeasurementSet
 
 HEIGHT = 200  # [px]

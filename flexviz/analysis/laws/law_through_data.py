@@ -55,7 +55,7 @@ class LawThroughData:
 
     Attributes:
         effect, joint, group, payload: the effect, and the joint on which it is drawn.
-        variable, unit: the horizontal axis.
+        variable, unit: the horizontal axis, by the name of a `LawVariable`.
         quantity, quantity_unit: the vertical axis.
         at: mean of the variable in each bin.
         law, law_std: mean of the law in each bin, and its standard error from the parameters' covariance.
@@ -226,7 +226,7 @@ class _Drawing:
         sign, quantity, unit = _vertical(variable, kind.entry == "deflection")
         across, unit = (joint_unit(one, joint in self._layout.sliding) for one in (variable.unit, unit))
         return LawThroughData(
-            effect.effect, name, effect.group, effect.payload, f"{variable.label} of {name}", across,
+            effect.effect, name, effect.group, effect.payload, variable.name, across,
             quantity, unit, coarse.at[kept], sign * law[kept], coarse.std[kept], sign * (law + left)[kept],
             std[kept], noise[kept], coarse.count[kept], leftover, fine.at, sign * fine.law, fine.std,
         )  # fmt: skip

@@ -83,14 +83,15 @@ class LawVariable:
     """A horizontal axis, and what the law is divided by for it.
 
     Attributes:
-        label, unit: of the axis.
+        name: as in `Effect.plot_against`; `flexviz.content.wording` labels the axis by it.
+        unit: of the axis.
         of: the variable, shape (N,).
         per: weight by which the law is divided, shape (N,): the direction of motion, a velocity.
         quantity: what the law then is; default: a torque, or a deflection.
         per_unit: unit of the weight.
     """
 
-    label: str
+    name: str
     unit: str
     of: Callable[[LawSamples], Array]
     per: Callable[[LawSamples], Array] = field(default=one)
@@ -99,41 +100,35 @@ class LawVariable:
 
 
 AGAINST = "torque against the motion"
-VARIABLES: dict[str, LawVariable] = {
-    "velocity": LawVariable("motor velocity", "rad/s", velocity),
-    "position": LawVariable("motor angle", "rad", lambda at: at.motion.position),
-    "angle within a cycle": LawVariable("motor angle within one cycle", "rad", cycle),
-    "load": LawVariable(
-        "size of the transmitted torque", "Nm", lambda at: np.abs(at.motion.torque), direction, AGAINST
-    ),
-    "path since reversal": LawVariable(
-        "path since the last reversal", "rad", since_reversal, direction, AGAINST
-    ),
-    "path since rest": LawVariable("path since the last standstill", "rad", since_rest, direction, AGAINST),
-    "warming time": LawVariable(
-        "time in the group", "s", lambda at: at.motion.time, velocity, "additional viscous friction", "rad/s"
-    ),
-    "velocity per degree": LawVariable(
-        "motor velocity", "rad/s", velocity, lambda at: one(at) * (20.0 - at.motion.temperature),
-        "friction per degree below 20 °C", "°C",
-    ),
-    "recorded torque": LawVariable("recorded torque", "Nm", lambda at: at.tau),
-    "recorded torque's rate": LawVariable("rate of the recorded torque", "Nm/s", lambda at: at.tau_rate),
-    "torque": LawVariable("transmitted torque", "Nm", lambda at: at.motion.torque),
-    "torque's rate": LawVariable("rate of the transmitted torque", "Nm/s", torque_rate),
-    "link velocity": LawVariable("link velocity", "rad/s", lambda at: at.motion.link_velocity),
-    "link position": LawVariable("link angle", "rad", lambda at: at.motion.link_position),
-    "payload's torque": LawVariable("torque of the payload as stated", "Nm", lambda at: at.payload),
-    "law": LawVariable("torque by the law", "Nm", lambda at: at.u),
-    "time": LawVariable("time in the group", "s", lambda at: at.motion.time),
-    "neighbour's acceleration": LawVariable(
-        "acceleration of the neighbouring motor", "rad/s²", lambda at: at.neighbour_acceleration
-    ),
-    "sum of velocities": LawVariable(
-        "sum of both motors' velocities", "rad/s", lambda at: at.motion.velocity + at.neighbour_velocity
-    ),
+VARIABLES = {
+    variable.name: variable
+    for variable in (
+        LawVariable("velocity", "rad/s", velocity),
+        LawVariable("position", "rad", lambda at: at.motion.position),
+        LawVariable("angle within a cycle", "rad", cycle),
+        LawVariable("load", "Nm", lambda at: np.abs(at.motion.torque), direction, AGAINST),
+        LawVariable("path since reversal", "rad", since_reversal, direction, AGAINST),
+        LawVariable("path since rest", "rad", since_rest, direction, AGAINST),
+        LawVariable(
+            "warming time", "s", lambda at: at.motion.time, velocity, "additional viscous friction", "rad/s"
+        ),
+        LawVariable(
+            "velocity per degree", "rad/s", velocity, lambda at: one(at) * (20.0 - at.motion.temperature),
+            "friction per degree", "°C",
+        ),
+        LawVariable("recorded torque", "Nm", lambda at: at.tau),
+        LawVariable("recorded torque's rate", "Nm/s", lambda at: at.tau_rate),
+        LawVariable("torque", "Nm", lambda at: at.motion.torque),
+        LawVariable("torque's rate", "Nm/s", torque_rate),
+        LawVariable("link velocity", "rad/s", lambda at: at.motion.link_velocity),
+        LawVariable("link position", "rad", lambda at: at.motion.link_position),
+        LawVariable("payload's torque", "Nm", lambda at: at.payload),
+        LawVariable("law", "Nm", lambda at: at.u),
+        LawVariable("time", "s", lambda at: at.motion.time),
+        LawVariable("neighbour's acceleration", "rad/s²", lambda at: at.neighbour_acceleration),
+        LawVariable("sum of velocities", "rad/s", lambda at: at.motion.velocity + at.neighbour_velocity),
+    )
 }  # fmt: skip
-"""Name, as in `Effect.plot_against` → variable."""
 
 USUAL = {"joint": "torque", "link": "link position", "load": "link position"}  # others: velocity
 

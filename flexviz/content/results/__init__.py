@@ -15,6 +15,7 @@ from flexviz.content.results.document import (
 )
 from flexviz.content.results.fields import DiagnosisFields, FitFields
 from flexviz.content.results.frame import DataFrame, parameter_frame
+from flexviz.content.results.law_chart import law_chart, law_difference
 from flexviz.content.results.link_side import LinkSide
 from flexviz.content.results.lookup import ParameterNotFound, find_parameter
 from flexviz.content.results.summary import WIDE, markdown, parts, run_lines
@@ -43,6 +44,8 @@ __all__ = [
     "interval",
     "json_schema",
     "lacks_effects",
+    "law_chart",
+    "law_difference",
     "markdown",
     "note_entries",
     "parameter_frame",

@@ -58,6 +58,7 @@ from flexviz.content.wording.findings import (
 )
 from flexviz.content.wording.glossary import GLOSSARY, Term, with_terms
 from flexviz.content.wording.issues import general, issue_message, issue_text, keys_text
+from flexviz.content.wording.law_axes import law_axes
 from flexviz.content.wording.merging import (
     LIKELY,
     Families,

@@ -1,7 +1,6 @@
 """Charts, tables and sentences of results as plain data, for app, report and recording; no browser code."""
 
-from flexviz.analysis.laws import law_chart, law_difference
-from flexviz.content.results import evidence_chart, staircase_chart
+from flexviz.content.results import evidence_chart, law_chart, law_difference, staircase_chart
 from flexviz.outlets.view.effect_matrix import joint_effects, joints_with, matrix_html, with_joints
 from flexviz.outlets.view.effects import (
     COMMON_EFFECTS,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from flexviz.analysis.diagnosis import Diagnosis
-from flexviz.analysis.laws import LawThroughData, law_chart
+from flexviz.analysis.laws import LawThroughData
 from flexviz.content.charts import Chart
+from flexviz.content.results import law_chart
 
 SMALL = 200  # [px] height of all charts but the first
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.analysis.diagnosis import BestModel
-from flexviz.analysis.laws import LawThroughData, law_chart
+from flexviz.analysis.laws import LawThroughData
 from flexviz.content.charts import COLOURS, Chart, ChartAxis, ChartSeries, rgb, thin
+from flexviz.content.results import law_chart
 from flexviz.content.wording import effect_text_name, effect_title, escape, plural
 from flexviz.outlets.view.effect_matrix import joint_heads
 from flexviz.outlets.view.residuals import BRIGHT_SHARE
