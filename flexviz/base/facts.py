@@ -43,6 +43,7 @@ class Fact:
         severity: whether it must be mended, looks unusual, or is only to be known.
         joints, groups, columns: names of what it is about.
         rows: first row, and the row after the last.
+        file: that it was found in.
         values: numbers in SI units and names, under the names that the sentence of this kind uses.
         remedy: what mends it; None if nothing is known to.
     """
@@ -53,6 +54,7 @@ class Fact:
     groups: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     rows: tuple[int, int] | None = None
+    file: str = ""
     values: Mapping[str, Value] = field(default_factory=dict, hash=False)
     remedy: Remedy | None = None
 

@@ -38,7 +38,7 @@ Result = TypeVar("Result")
 Kind = Literal["progress", "done", "stopped", "failed"]
 HANDS_PIPES = hasattr(os, "fork")  # to a child process
 STOP_GRACE = 5.0  # [s] that a stopped task whose result nobody wants may take before its process is replaced
-_CHILD = "import sys; from flexviz.base.jobs import child_main; child_main(int(sys.argv[1]))"
+_CHILD = "; ".join(("import sys", f"from {__name__} import child_main", "child_main(int(sys.argv[1]))"))
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Preparation = tuple[Callable[..., Any], tuple[Any, ...]]
@@ -270,24 +270,28 @@ class _Child:
         try:
             self._pipe.send((kind, number, content))
         except (BrokenPipeError, ConnectionError):
-            raise FlexvizError(self._reason()) from None
+            raise FlexvizError(
+                f"the worker process ended unexpectedly (exit code {self._exit_code()})"
+            ) from None
 
     def receive(self, timeout: float) -> list[tuple[Kind, Any]]:
         """The next message, if one comes in time."""
         try:
             return [self._pipe.recv()] if self._pipe.poll(timeout) else []
         except (EOFError, ConnectionError):
-            raise FlexvizError(self._reason()) from None
+            raise FlexvizError(
+                f"the worker process ended unexpectedly (exit code {self._exit_code()})"
+            ) from None
 
     def kill(self) -> None:
         self._pipe.close()
         self._process.kill()
         self._process.wait()
 
-    def _reason(self) -> str:
+    def _exit_code(self) -> int | None:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=1.0)
-        return f"the worker process ended unexpectedly (exit code {self._process.poll()})"
+        return self._process.poll()
 
 
 def child_main(descriptor: int) -> None:

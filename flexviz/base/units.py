@@ -32,9 +32,3 @@ def joint_units(unit: str, slides: Iterable[Any]) -> tuple[str, ...]:
 def unit_of_all(units: Sequence[str], otherwise: str = "Nm") -> str:
     """What a table states for joints with these units: "Nm", or "N, Nm"; `otherwise` where none is known."""
     return ", ".join(sorted(set(units))) or otherwise
-
-
-def sliding_note(joints: Sequence[str], slides: Iterable[Any]) -> str:
-    """A sentence for files whose comments state units of joints that turn; empty if no joint slides."""
-    names = ", ".join(joint for joint, one in zip(joints, slides, strict=True) if one)
-    return f"Sliding joints ({names}): N and m where Nm and rad are written." if names else ""

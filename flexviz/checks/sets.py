@@ -11,18 +11,18 @@ from weakref import WeakKeyDictionary
 from threadpoolctl import threadpool_limits
 
 from flexviz.base.errors import Cancelled
+from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
 from flexviz.content.records import RecordingEntry
-from flexviz.content.wording import issue_text
 from flexviz.data.logs import parse_mapping
 from flexviz.data.measurements import Group, GroupTable, MeasurementSet
 
 log = logging.getLogger(__name__)
 # first group -> all groups of a set, and what was found: other settings of a set change nothing of it
 _FOUND: WeakKeyDictionary[Group, tuple[list[int], tuple[Issue, ...]]] = WeakKeyDictionary()
-COMPARING = "comparing the torques with the robot's masses"
+COMPARING = Fact("comparing-torques")
 
 
 def with_plausibility_warnings(
@@ -32,19 +32,24 @@ def with_plausibility_warnings(
 
     Of many joints that takes a while: stopped, it finds nothing.
     """
-    texts = plausibility_warnings(measurements, progress, should_stop)
-    for text in texts:
-        log.warning("%s", text)
-    return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
+    facts = plausibility_warnings(measurements, progress, should_stop)
+    for fact in facts:
+        log.warning("%s", fact)
+    return replace(measurements, warnings=(*facts, *measurements.warnings)) if facts else measurements
 
 
 def plausibility_warnings(
     measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
-) -> list[str]:
-    """What a set's robot contradicts, in words; nothing when stopped."""
-    file = measurements.path / "measurements.toml"
+) -> list[Fact]:
+    """What a set's robot contradicts; nothing when stopped."""
+    file = str(measurements.path / "measurements.toml")
     found = contradictions(measurements, progress, should_stop)
-    return [f"{file}: {issue_text(issue)}" for issue in found]
+    return [replace(issue_fact(issue), file=file) for issue in found]
+
+
+def issue_fact(issue: Issue) -> Fact:
+    """An issue as a fact."""
+    return Fact("contradiction", issue.severity, issue.joints, values={"issue": issue})
 
 
 def recording_entries(
@@ -52,7 +57,7 @@ def recording_entries(
 ) -> tuple[RecordingEntry, ...]:
     """The same for documents."""
     return tuple(
-        RecordingEntry(one.kind, one.severity, one.joints, one.signal, dict(one.values), issue_text(one))
+        RecordingEntry(one.kind, one.severity, one.joints, one.signal, dict(one.values), issue_fact(one).text)
         for one in contradictions(measurements, ignore, should_stop or never)
     )
 
@@ -65,7 +70,7 @@ def contradictions(
     if first not in _FOUND or _FOUND[first][0] != groups:
 
         def watch() -> None:
-            progress(Progress(COMPARING))
+            progress(Progress(COMPARING.text))
             if should_stop():
                 raise Cancelled
 

@@ -13,7 +13,6 @@ from flexviz.base.errors import InputError
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²] of a robot that stands upright
 LEAST, LARGEST = 1.5, 30.0  # [m/s²]; less than on the Moon is a direction without its size
-SLIGHT = 0.02  # of the cosine of the base's tilt, to call it upright or horizontal
 DIRECTIONS = {
     "−z: upright": GRAVITY,
     "+z: under a ceiling": (0.0, 0.0, 9.81),
@@ -25,15 +24,16 @@ DIRECTIONS = {
 """The axis of the base along which things fall -> gravity [m/s²]."""
 
 
-def gravity_problem(value: Any) -> str:
-    """What is wrong with a stated gravity and what is expected, or ""."""
+def check_gravity(value: Any) -> None:
+    """ValueError where a gravity is impossible, with what is expected."""
     if not (isinstance(value, list | tuple) and len(value) == 3 and all(map(_is_finite, value))):
-        return "expected three finite numbers, gravity [m/s²] in the base's frame: [0, 0, -9.81] if upright"
+        raise ValueError(
+            "expected three finite numbers, gravity [m/s²] in the base's frame: [0, 0, -9.81] if upright"
+        )
     size = math.hypot(*value) if max(map(abs, value)) <= LARGEST else math.inf
-    if size == 0.0 or LEAST <= size <= LARGEST:
-        return ""
-    length = f"a length of {size:.3g} m/s²" if size < math.inf else f"a component above {LARGEST:g} m/s²"
-    return f"{length}, expected {LEAST:g} to {LARGEST:g} (9.81 on Earth), or 0 without gravity"
+    if size != 0.0 and not LEAST <= size <= LARGEST:
+        length = f"a length of {size:.3g} m/s²" if size < math.inf else f"a component above {LARGEST:g} m/s²"
+        raise ValueError(f"{length}, expected {LEAST:g} to {LARGEST:g} (9.81 on Earth), or 0 without gravity")
 
 
 def _is_finite(x: Any) -> bool:
@@ -42,8 +42,10 @@ def _is_finite(x: Any) -> bool:
 
 def checked_gravity(value: Sequence[float], place: str) -> tuple[float, float, float]:
     """A stated gravity (3,) [m/s²]; InputError that names `place` where it is impossible."""
-    if problem := gravity_problem(value):
-        raise InputError(f"found {', '.join(map(str, value))}: {problem}", place=place)
+    try:
+        check_gravity(value)
+    except ValueError as error:
+        raise InputError(f"found {', '.join(map(str, value))}: {error}", place=place) from None
     x, y, z = map(float, value)
     return x, y, z
 
@@ -65,21 +67,3 @@ def upright(gravity: Sequence[float] | Array) -> Array:
 def gravity_text(gravity: Sequence[float]) -> str:
     """`gravity = [9.81, 0, 0]`, as in a measurement set."""
     return f"gravity = [{', '.join(f'{x:.6g}' for x in gravity)}]"
-
-
-def mounting_text(gravity: Sequence[float]) -> str:
-    """How the base is mounted: "on a wall, gravity = [9.81, 0, 0] m/s² in the base's frame".
-
-    "" for the usual gravity.
-    """
-    if tuple(gravity) == GRAVITY:
-        return ""
-    up = float(upright(gravity)[2, 2])  # cosine of the angle between the base's z and up
-    places = {
-        "without gravity": not any(gravity),
-        "upright": up > 1.0 - SLIGHT,
-        "on a wall": abs(up) < SLIGHT,
-    }
-    places |= {"under a ceiling": up < SLIGHT - 1.0, "tilted": True}
-    place = next(name for name, here in places.items() if here)
-    return f"{place}, {gravity_text(gravity)} m/s² in the base's frame"

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexviz.base.errors import InputError, choose_from
+from flexviz.base.facts import Fact
 from flexviz.base.names import names_of
 from flexviz.robot._pinocchio import effort_limit, parent_joint, pin
 from flexviz.robot.mounting import GRAVITY, upright
@@ -24,8 +25,8 @@ from flexviz.robot.robot_files import (
     read_urdf,
 )
 from flexviz.robot.urdf_checks import MAX_JOINTS, check_body
-from flexviz.robot.urdf_inertias import inertia_notes
-from flexviz.robot.urdf_joints import Mimic, locking_notes, unloaded
+from flexviz.robot.urdf_inertias import inertia_facts
+from flexviz.robot.urdf_joints import Mimic, locking_facts, unloaded
 from flexviz.robot.urdf_units import check_units
 
 __all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
@@ -80,7 +81,7 @@ class Robot:
         velocity_limit: (n,) [rad/s].
         effort_limit: (n,) [Nm].
         mimics: locked joint -> the joint that it follows; locked where that joint at 0 puts it.
-        notes: what was odd in the description, or decided about its joints, one sentence each.
+        notes: what was odd in the description, or decided about its joints.
     """
 
     name: str
@@ -95,7 +96,7 @@ class Robot:
     velocity_limit: np.ndarray
     effort_limit: np.ndarray
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Fact, ...] = ()
 
     @staticmethod
     def load(
@@ -142,8 +143,8 @@ class Robot:
             body = model.inertias[model.getJointId(joint)]
             check_body(joint, body.mass, body.inertia, path)
         carried = {link: model.inertias[joint] for link, joint in _moving_links(model).items()}
-        notes = inertia_notes(described.root, carried, path)
-        notes += locking_notes(described.root, chosen, mimics, empty, joints is not None)
+        notes = inertia_facts(described.root, carried, path)
+        notes += locking_facts(described.root, chosen, mimics, empty, joints is not None)
         followers = {j: m for j, m in mimics.items() if j not in chosen}
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
         positions = model.lowerPositionLimit, model.upperPositionLimit

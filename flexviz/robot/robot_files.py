@@ -22,6 +22,7 @@ import numpy as np
 
 from flexviz.base import toml
 from flexviz.base.errors import InputError, choose_from
+from flexviz.base.facts import Fact
 from flexviz.base.resources import robots_dir
 from flexviz.robot.urdf_checks import LARGEST_URDF, check_urdf
 from flexviz.robot.urdf_joints import Mimic, mimics_of
@@ -93,7 +94,7 @@ class Description:
     root: Element
     text: str  # with joints that have nq == nv: continuous as revolute with wide limits, mimic ones free
     mimics: dict[str, Mimic]  # joint -> what it follows
-    notes: tuple[str, ...]  # what was added, one sentence each
+    notes: tuple[Fact, ...]  # what was added
 
 
 def read_urdf(path: Path) -> Description:

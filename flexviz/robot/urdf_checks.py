@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.schemas import first_repeated, shown
 
 LARGEST_URDF = 32 * 2**20  # [bytes]
@@ -54,10 +55,10 @@ NEEDED = {
 }
 
 
-def check_urdf(root: Element, file: Path) -> tuple[str, ...]:
+def check_urdf(root: Element, file: Path) -> tuple[Fact, ...]:
     """InputError for the first element of a description that cannot be meant.
 
-    An undeclared base link called "world" is added; a note says so.
+    An undeclared base link called "world" is added; a fact says so.
     """
     notes = _add_world(root)
     links, joints = root.findall("link"), root.findall("joint")
@@ -89,14 +90,14 @@ def check_urdf(root: Element, file: Path) -> tuple[str, ...]:
     return notes
 
 
-def _add_world(root: Element) -> tuple[str, ...]:
+def _add_world(root: Element) -> tuple[Fact, ...]:
     """Declare the base link that some exporters only name as a parent."""
     declared = {link.get("name") for link in root.findall("link")}
     parents = {end.get("link") for joint in root.findall("joint") for end in joint.findall("parent")}
     if WORLD in declared or WORLD not in parents:
         return ()
     root.insert(0, Element("link", {"name": WORLD}))
-    return (f'link "{WORLD}" is only named as a parent: taken for a fixed base',)
+    return (Fact("world-added"),)
 
 
 def _has_cycle(parents: dict[str, str]) -> bool:

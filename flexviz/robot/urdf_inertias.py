@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.robot.urdf_checks import MOMENTS, SLACK
 
 TOLERATED = 0.05  # excess of the largest principal moment over the other two that is reported, not refused
@@ -33,13 +34,13 @@ class Extents:
     whole: float  # [m] of all of them in line; 0 where all joints are in one place
 
 
-def inertia_notes(root: Element, carried: Mapping[str, Any], file: Path) -> list[str]:
-    """Implausible inertias of links, one sentence each; InputError for the first impossible one.
+def inertia_facts(root: Element, carried: Mapping[str, Any], file: Path) -> list[Fact]:
+    """Implausible inertias of links; InputError for the first impossible one.
 
     `carried`: moving link -> `pin.Inertia` of all that moves with its joint, about the joint's origin.
     What is negligible in that is not looked at.
     """
-    extents, notes, wide = extents_of(root), list[str](), list[str]()
+    extents, found, wide = extents_of(root), list[Fact](), list[dict[str, Any]]()
     for link in root.findall("link"):
         name, inertial = link.get("name", ""), link.find("inertial")
         if inertial is None or name not in carried:
@@ -50,26 +51,39 @@ def inertia_notes(root: Element, carried: Mapping[str, Any], file: Path) -> list
         body = carried[name]
         about_joint = np.linalg.eigvalsh(body.inertia)[-1] + body.mass * float(body.lever @ body.lever)
         least = max(SLACK * np.linalg.eigvalsh(body.inertia)[-1], NEGLIGIBLE * about_joint)
-        moments, place = f"{first:.4g}, {second:.4g}, {third:.4g}", f'link "{name}"'
+        place = f'link "{name}"'
         if third - first - second > least:
             excess = third / max(first + second, 1e-300) - 1.0
-            by = f"exceeds the sum of the others by {100 * excess:.2g} %"
-            by = by if excess < 1.0 else f"is {min(excess + 1.0, 1e9):.3g} times the sum of the others"
-            message = f"the largest of the principal moments {moments} kg m² {by}; look at {suspect(stated)}"
             if excess > TOLERATED:
-                message = f"{message}; no body has such an inertia, expected at most the sum"
-                raise InputError(message, file=file, place=place)
+                by = f"exceeds the sum of the others by {100 * excess:.2g} %"
+                by = by if excess < 1.0 else f"is {min(excess + 1.0, 1e9):.3g} times the sum of the others"
+                raise InputError(
+                    f"the largest of the principal moments {first:.4g}, {second:.4g}, {third:.4g} kg m² "
+                    f"{by}; look at {suspect(stated)}; no body has such an inertia, expected at most the sum",
+                    file=file,
+                    place=place,
+                )
             if excess > SLACK:
-                notes.append(f"{place}: {message}")
+                values = {
+                    "link": name,
+                    "moments": (float(first), float(second), float(third)),
+                    "excess": float(excess),
+                }
+                found.append(Fact("inertia-excess", "odd", values=values | {"suspect": suspect(stated)}))
         radius = math.sqrt(max(third, 0.0) / mass) if mass > 0.0 else 0.0
         if third > least and extents.whole > 0.0 and radius > WIDE * extents.longest:
-            message = f"{third:.4g} kg m² and {mass:g} kg give a radius of gyration of {radius:.3g} m"
             if radius > extents.whole:
-                message += f", more than the whole robot's {extents.whole:.3g} m; look at its unit and mass"
-                raise InputError(message, file=file, place=place)
-            wide.append(f"{place}: {message}, far above the robot's longest link, {extents.longest:.3g} m")
-    more = [f"{wide[0]}; as implausible: {len(wide) - 1} more links"] if len(wide) > 1 else wide
-    return notes + more
+                raise InputError(
+                    f"{third:.4g} kg m² and {mass:g} kg give a radius of gyration of {radius:.3g} m, more "
+                    f"than the whole robot's {extents.whole:.3g} m; look at its unit and mass",
+                    file=file,
+                    place=place,
+                )
+            wide.append({"link": name, "moment": float(third), "mass": mass, "radius": float(radius)})
+    if wide:
+        values = wide[0] | {"longest": extents.longest, "more": len(wide) - 1}
+        found.append(Fact("inertia-wide", "odd", values=values))
+    return found
 
 
 def suspect(stated: Mapping[str, float]) -> str:

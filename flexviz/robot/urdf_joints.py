@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from flexviz.base.facts import Fact
 from flexviz.robot._pinocchio import pin
 
-LISTED = 4  # names in a sentence
 NO_LOAD = 1e-12  # of the largest diagonal entry of the mass matrix: rounding
 
 
@@ -59,41 +59,33 @@ def unloaded(model: Any, joints: Sequence[str]) -> list[str]:
     return empty if len(empty) < len(places) else []
 
 
-def locking_notes(
+def locking_facts(
     root: Element, joints: Sequence[str], mimics: Mapping[str, Mimic], empty: Sequence[str], chosen: bool
-) -> list[str]:
-    """What is held fixed without having been asked for, one sentence each.
+) -> Iterator[Fact]:
+    """What is held fixed without having been asked for.
 
     `joints` move, `empty` are those without a load; `chosen`: the user named the joints.
     """
-    notes = []
     names = {joint.get("name", "") for joint in root.findall("joint")} - {*mimics}
     locked_mimics = {name: mimic for name, mimic in mimics.items() if name not in joints}
-    told = [f"{j} ({m})" for j, m in locked_mimics.items() if m.leader in (joints if chosen else names)]
-    if told:
-        notes.append(
-            "mimic joints are locked where their leader's zero puts them, and coupled in exports: "
-            + listed(told)
-        )
-    if lost := [f"{j} ({m})" for j, m in locked_mimics.items() if m.leader not in names]:
-        notes.append(f"mimic joints without an existing leader are locked: {listed(lost)}")
-    if own := [f"{name} ({mimics[name]})" for name in joints if name in mimics]:
-        notes.append(f"mimic joints are identified as joints of their own: {listed(own)}")
+    groups = {
+        "locked": [j for j, m in locked_mimics.items() if m.leader in (joints if chosen else names)],
+        "lost": [j for j, m in locked_mimics.items() if m.leader not in names],
+        "own": [j for j in joints if j in mimics],
+    }
+    for how, some in groups.items():
+        if some:
+            follows = tuple(str(mimics[j]) for j in some)
+            yield Fact("mimic-joints", joints=tuple(some), values={"how": how, "follows": follows})
     if empty:
-        notes.append(f"locked, because nothing with mass moves with it: joint {listed(empty)}")
-    free = [j for j in root.findall("joint") if j.get("type") in ("floating", "planar")]
-    notes += [f"{j.get('type')} joint {j.get('name')} is held fixed" for j in free]
+        yield Fact("joints-without-load", "odd", tuple(empty))
+    for joint in root.findall("joint"):
+        if (kind := joint.get("type", "")) in ("floating", "planar"):
+            yield Fact("joint-held", joints=(joint.get("name", ""),), values={"type": kind})
     locked = [j for j in root.findall("joint") if j.get("name") not in joints and j.get("type") != "fixed"]
     unused = [j.get("name", "") for j in locked if _has_friction(j)]
     if unused and not chosen:
-        notes.append(f"<dynamics> of locked joints is not used: {listed(unused)}")
-    return notes
-
-
-def listed(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return ", ".join(names[:LISTED]) + more
+        yield Fact("dynamics-unused", joints=tuple(unused))
 
 
 def _has_friction(joint: Element) -> bool:

@@ -125,7 +125,7 @@ def test_a_robot_with_meshes_moves(tmp_path: Path, chromium: Any, shot: Callable
     write_set(tmp_path / "set", robot=UR5, joints=robot.joints, groups=[swing], payloads={"p1": ()})
     with LiveRecording(read_set(tmp_path / "set"), tmp_path / "ur5.rrd", samples=400) as recording:
         zero = np.zeros_like(theta)
-        run = Run(time_, theta, zero, theta, zero, zero, zero, theta, 0.0, "as measured")
+        run = Run(time_, theta, zero, theta, zero, zero, zero, theta, 0.0)
         recording.replayed("swing", run)
     with viewer(tmp_path / "ur5.rrd", chromium, []) as page:
         assert not still(page, shot, "recording-ur5")

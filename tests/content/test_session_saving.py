@@ -176,7 +176,7 @@ def test_changed_data_are_named_and_no_result_counts_as_theirs(kept: Kept) -> No
     table = measurements.path / "a.csv"
     table.write_text(table.read_text().replace("\n0,", "\n0.0,", 1))
     opened = open_session(folder)
-    assert opened.changed == ("a.csv",) and "a.csv changed since" in opened.measurements.warnings[0]
+    assert opened.changed == ("a.csv",) and opened.measurements.warnings[0].values == {"files": ("a.csv",)}
     for step in (*opened.session.steps, *opened.session.future):
         assert not step.analysis.up_to_date and not step.analysis.diagnosis_up_to_date
     assert opened.session.analysis.identification is not None

@@ -378,7 +378,7 @@ def test_paths_that_are_no_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 def test_odd_is_only_a_warning(tmp_path: Path, change: Spoil, words: str) -> None:
     folder = write_small_set(tmp_path / "small")
     change(folder)
-    warnings = read_set(folder).warnings
+    warnings = [fact.text for fact in read_set(folder).warnings]
     assert any(words in line for line in warnings), warnings
     assert all(line == one_line(line) and str(folder) in line for line in warnings)
 

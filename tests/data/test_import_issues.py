@@ -364,9 +364,9 @@ def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
     )
     with caplog.at_level("WARNING"):
         doubted = with_plausibility_warnings(replace(demo, groups=groups, path=tmp_path))
-    (text,) = doubted.warnings
-    assert text == caplog.messages[-1]
-    assert text.startswith(f"{tmp_path / 'measurements.toml'}: tau of joint2: with sign = -1")
+    (fact,) = doubted.warnings
+    assert fact.text == caplog.messages[-1] and fact.values["issue"].kind == "sign"
+    assert (fact.joints, fact.file) == (("joint2",), f"{tmp_path / 'measurements.toml'}")
 
 
 def test_a_diagnosis_says_what_its_set_contradicts(

@@ -59,9 +59,10 @@ def test_gaps_split(small: Path) -> None:
     assert group.segments[1].time[0] == pytest.approx(660 * 0.002)
     np.testing.assert_array_equal(group.segments[1].theta[850:, 1], table["theta_joint2"][1510:])
     np.testing.assert_allclose(group.segments[1].theta[:, 1], table["theta_joint2"][660:], atol=2e-4)
-    assert "20 samples" in measurements.warnings[0]
-    assert "1 gap of up to 22 ms, short against the content of the signals, was" in measurements.warnings[1]
-    assert "longer gaps, 2 of up to 202 ms, split it" in measurements.warnings[1]
+    dropped, bridged = measurements.warnings
+    assert dropped.values["count"] == 20 and (bridged.values["count"], bridged.values["left"]) == (1, 2)
+    assert bridged.values["longest"] == pytest.approx(0.022)
+    assert bridged.values["longest_left"] == pytest.approx(0.202)
     assert len(group.time) == 1850 and group.q is not None and len(group.q) == 1850
     q = group.at("q", group.segments[1].time)
     assert q is not None
@@ -87,7 +88,7 @@ def test_jitter_in_a_file_is_told(small: Path) -> None:
     write_table(small / "a.csv", table)
     measurements = read_set(small)
     segment = measurements.group("g1").segments[0]
-    assert "jitters" in measurements.warnings[0]
+    assert measurements.warnings[0].kind == "time-jitters"
     theta = np.interp(segment.time, exact["time"], exact["theta_joint1"])
     np.testing.assert_allclose(segment.theta[:, 0], theta, atol=3e-4)
 
@@ -98,17 +99,18 @@ def test_what_was_done_to_the_clocks_is_said_once(small: Path) -> None:
     for name in ("a.csv", "sub/c.csv"):
         write_table(small / name, {key: np.delete(x, [700, 1200]) for key, x in table.items()})
     measurements = read_set(small)
-    first = f"{small / 'a.csv'} and 1 more: "
-    assert measurements.warnings[-1] == f"{first}4 single missing samples were interpolated"
-    assert "hold the same samples" in measurements.warnings[0] and len(measurements.warnings) == 2
+    files = (str(small / "a.csv"), str(small / "sub/c.csv"))
+    copies, filled = measurements.warnings
+    assert copies.kind == "same-samples" and filled.values == {"files": files, "count": 4}
+    assert filled.text == f"{files[0]} and 1 more: 4 single missing samples were interpolated"
     (segment,) = measurements.group("g1").segments
     assert len(segment) == 2000
     np.testing.assert_allclose(segment.theta[:, 0], table["theta_joint1"], atol=2e-4)
     for i, name in enumerate(("a.csv", "sub/c.csv")):
         time = table["time"] + np.random.default_rng(i).uniform(-4e-4, 4e-4, 2000)
         write_table(small / name, table | {"time": time})
-    (text,) = read_set(small).warnings
-    assert text.startswith(f"{first}the time jitters")
+    (jitters,) = read_set(small).warnings
+    assert jitters.kind == "time-jitters" and jitters.values["files"] == files
 
 
 # -- late cycles ---------------------------------------------------------------------------------------------
@@ -156,9 +158,10 @@ def test_a_group_of_gaps_does_not_cost_the_others(small: Path, group: str, text:
         used = (*found.groups, *found.validation_groups)
         assert found.converged and set(used) == {"g1", "g2", "g3"} - {text}
         if length == 20:
-            assert any(f'group "{text}" is left out' in warning for warning in measurements.warnings)
+            left_out = [fact.groups for fact in measurements.warnings if fact.kind == "group-too-short"]
+            assert left_out == [(text,)]
         else:
-            assert f"1 group not used: {text}, gaps leave no stretch" in found.message
+            assert [f.groups for f in found.facts if f.kind == "groups-not-used"] == [(text,)]
 
 
 def test_the_advice_names_gaps_where_they_are_the_reason(small: Path) -> None:
@@ -180,7 +183,8 @@ def test_recorded_late_cycles(tmp_path: Path) -> None:
     import_logs(source, tmp_path / "set", accept=True)
     measurements = read_set(tmp_path / "set")
     assert [len(group.segments) for group in measurements.groups] == [1, 1]
-    assert any("80 gaps of up to 5.94 ms" in warning for warning in measurements.warnings)
+    bridged = [fact.values for fact in measurements.warnings if fact.kind == "gaps-bridged"]
+    assert any(v["count"] == 80 and v["longest"] == pytest.approx(5.94e-3, abs=5e-6) for v in bridged)
     found = identify(measurements, effects=["coulomb_friction"])
     assert found.converged and (found.groups, found.validation_groups) == (("a",), ("v",))
     coulomb = [p.value for p in found.parameters if p.name == "coulomb_friction.coulomb"]

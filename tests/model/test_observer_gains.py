@@ -142,10 +142,11 @@ def test_every_joint_has_the_noise_floor_of_its_own_bandwidth(tmp_path, observer
 
 
 def test_unstable_gains_are_refused_and_explained():
-    assert why_unusable(GAINS.tolist()) == ""
+    assert why_unusable(GAINS.tolist()) is None
     unstable = np.poly([*POLES[2:], 3 + 30j, 3 - 30j]).real[1:]
     assert np.all(unstable > 0)
-    assert "pole at 3 ± 30i rad/s" in why_unusable(unstable.tolist())
+    why = why_unusable(unstable.tolist())
+    assert why is not None and why.values["pole"] == pytest.approx((3.0, 30.0)) and "3 ± 30i" in why.text
     for bad, text in (
         (unstable, "unstable"),
         (GAINS[:5], "expected 6"),

@@ -43,7 +43,7 @@ def test_multipliers_of_a_pair_and_four_poles_by_hand() -> None:
     again = eso_poles(multiplied(by_hand, W))
     assert np.poly(again).real == pytest.approx(np.poly(poles).real)
     assert sorted(again.imag)[::5] == pytest.approx([-W, W])
-    assert why_unusable(multiplied(by_hand, W)) == ""
+    assert why_unusable(multiplied(by_hand, W)) is None
 
 
 def test_a_pole_at_three_bandwidths_is_the_end_of_what_is_offered() -> None:
@@ -65,7 +65,7 @@ def test_moved_poles_stay_stable_and_conjugate() -> None:
         assert len(poles) == 6 and poles.real.max() < 0
         gains = np.poly(poles)
         assert np.abs(gains.imag).max() <= 1e-9 * np.abs(gains).max()
-        assert why_unusable(gains.real[1:].tolist()) == ""
+        assert why_unusable(gains.real[1:].tolist()) is None
 
 
 def test_a_pair_moves_together_leaves_the_axis_and_returns() -> None:

@@ -33,7 +33,7 @@ def test_closed_loop_repeats_the_recording(tmp_path: Path, start: str) -> None:
         torque_hold=found.torque_hold,
         progress=lambda news: shares.append(news.share or 0.0),
     )
-    assert run.note.startswith("closed loop") and shares == sorted(shares) and shares[-1] == 1.0
+    assert run.facts[0].values["loop"] == "closed" and shares == sorted(shares) and shares[-1] == 1.0
     np.testing.assert_array_equal(run.time, group.segments[0].time)
     error = run.theta - group.segments[0].theta
     np.testing.assert_allclose(error.std(axis=0), 2e-5, rtol=0.1)  # only the noise is left
@@ -49,7 +49,7 @@ def test_open_loop_stays_near(tmp_path: Path, name: str) -> None:
     found = simulated(plan, tmp_path / "set", 1.5)
     group = replace(found.groups[0], theta_ref=None)
     run = replay(found.robot, plan.model, group, found.kp, found.kd, torque_hold=found.torque_hold)
-    assert run.note.startswith("open loop")
+    assert run.facts[0].values["loop"] == "open"
     error = run.theta - group.segments[0].theta
     assert np.abs(error).max() < 3e-4
     assert np.abs(run.q - found.groups[0].q).max() < 3e-4
@@ -82,5 +82,7 @@ def test_joints_too_stiff_to_resolve_are_softened(tmp_path: Path) -> None:
     found = simulated(plan, tmp_path / "set", 0.3)
     stiff = replace(plan.model, stiffness=np.array([1e9, 1100.0]), motor_inertia=np.array([2.45, 1e-9]))
     run = replay(found.robot, stiff, found.groups[0], found.kp, found.kd, torque_hold=found.torque_hold)
-    assert "stiffness lowered" in run.note and "motor inertia raised" in run.note and "joint1" in run.note
+    limited = [fact for fact in run.facts if fact.kind == "limited"]
+    assert [fact.values["what"] for fact in limited] == ["stiffness", "motor_inertia"]
+    assert all("joint1" in fact.joints for fact in limited)
     assert np.isfinite(run.theta).all()

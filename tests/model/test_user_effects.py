@@ -243,7 +243,7 @@ def test_replay_with_and_without_a_simulation(hidden: Path, tmp_path: Path) -> N
     gains = measurements.kp, measurements.kd
     both = replace(model, effects=(kept, left_out))
     run = replay(measurements.robot, both, group, *gains, **options)
-    assert "my_friction left out" in run.note
+    assert [fact.values.get("effect") for fact in run.facts] == [None, "my_friction"]
     alone = replay(measurements.robot, replace(model, effects=(kept,)), group, *gains, **options)
     np.testing.assert_array_equal(run.theta, alone.theta)
     nothing = replay(measurements.robot, replace(model, effects=()), group, *gains, **options)

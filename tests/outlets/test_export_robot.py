@@ -236,7 +236,7 @@ def test_identified_motion_in_mujoco(tmp_path: Path) -> None:
     assert kp is not None and kd is not None
     carried = identified_robot(measurements, found, payload=group.payload)
     ours = replay(measurements.robot, made.model, short, kp, kd, torque_hold=measurements.torque_hold)
-    assert ours.note.startswith("closed loop")
+    assert ours.facts[0].values["loop"] == "closed"
     hold = measurements.torque_hold
     time = np.arange(round(ours.time[-1] / hold)) * hold
     wanted = group.at("theta_ref", short.segments[0].time)

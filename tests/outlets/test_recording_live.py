@@ -35,7 +35,7 @@ def a_run(group: Any) -> Run:
     segment = group.segments[0]
     zero = np.zeros_like(segment.theta)
     theta = segment.theta + 0.1
-    return Run(segment.time, theta, zero, theta, zero, segment.tau, zero, theta, 0.001, "beside it")
+    return Run(segment.time, theta, zero, theta, zero, segment.tau, zero, theta, 0.001)
 
 
 def test_everything_as_it_comes(small: Any, tmp_path: Path) -> None:

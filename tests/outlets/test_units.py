@@ -10,12 +10,12 @@ import pytest
 
 from flexviz import identify
 from flexviz.analysis.diagnosis import maps_of
-from flexviz.base.units import joint_unit, sliding_note, unit_of_all
+from flexviz.base.units import joint_unit, unit_of_all
 from flexviz.content.charts import Chart, ChartAxis
 from flexviz.content.records import JointErrors
 from flexviz.content.scene import RobotMotion
 from flexviz.content.session import Session, save_session
-from flexviz.content.wording import error_whole
+from flexviz.content.wording import error_whole, sliding_note
 from flexviz.data.measurements import read_set
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.recording.paths import TITLES, titled

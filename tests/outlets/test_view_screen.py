@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.base.facts import Fact
 from flexviz.content.charts import palette as colours
 from flexviz.content.results import LinkSide
 from flexviz.content.scene import RobotMotion
@@ -173,7 +174,9 @@ def test_set_summary(tmp_path: Path) -> None:
     for part in ("2 joints", "3 groups", "500 Hz", "coulomb friction", "given: replayed"):
         assert part in text
     assert "simulated" not in text and "simulated data" in set_html(replace(measurements, simulated=True))
-    assert "<b>x</b>" not in set_html(replace(measurements, warnings=("<b>x</b>",)))
+    assert "<b>x</b>" not in set_html(
+        replace(measurements, warnings=(Fact("x", values={"text": "<b>x</b>"}),))
+    )
 
 
 def test_status_names_step_and_error() -> None:

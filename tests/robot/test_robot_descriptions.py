@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.data.measurements import read_set
 from flexviz.model.simulation import from_urdf, make_plan
 from flexviz.model.simulation.sets import simulate_preset
@@ -89,9 +90,11 @@ def test_impossible_inertias_are_refused(what: str, tmp_path: Path) -> None:
 
 def test_small_violations_are_reported_and_rounding_is_not(tmp_path: Path) -> None:
     (note,) = Robot.load(written(tmp_path, with_inertia(tensor(0.1, 0.1, 0.206)))).notes
-    assert 'link "link2"' in note and "by 3 %" in note and "izz = 0.206" in note
+    assert note.values["link"] == "link2" and note.values["excess"] == pytest.approx(0.03)
+    assert note.values["suspect"] == "izz = 0.206" and "by 3 %" in note.text
     (wide,) = Robot.load(written(tmp_path, with_inertia(tensor(5.0, 5.0, 5.0)))).notes
-    assert "radius of gyration of 1.12 m" in wide and "longest link, 0.5 m" in wide
+    assert (wide.kind, wide.values["longest"]) == ("inertia-wide", 0.5)
+    assert wide.values["radius"] == pytest.approx(1.118, abs=1e-3)
 
 
 SILENT = {
@@ -121,14 +124,14 @@ def test_what_does_not_move_or_does_not_matter_is_not_checked(tmp_path: Path) ->
 def test_a_joint_without_load_is_locked_and_named() -> None:
     plan = make_plan(fault("04-moving-massless-link/masslesslink.urdf"))
     assert plan.robot.joints == ("shoulder_yaw", "shoulder_pitch", "elbow")
-    assert plan.robot.notes == ("locked, because nothing with mass moves with it: joint wrist_roll",)
+    assert plan.robot.notes == (Fact("joints-without-load", "odd", ("wrist_roll",)),)
 
 
 @pytest.mark.parametrize("tip", [TIP, POINT, TIP.replace('"revolute"', '"continuous"')])
 def test_joints_without_load(tip: str, tmp_path: Path) -> None:
     file = written(tmp_path, URDF.replace(END, tip + END))
     robot = Robot.load(file)
-    assert robot.joints == ("joint1", "joint2") and "joint roll" in robot.notes[-1]
+    assert robot.joints == ("joint1", "joint2") and robot.notes[-1].joints == ("roll",)
     assert Robot.load(file, ["joint1", "joint2", "roll"]).notes == ()  # asked for: a payload may be on it
     assert np.isfinite(make_plan(file).model.stiffness).all()
 
@@ -183,20 +186,21 @@ def test_mimic_fingers_are_one_joint(tmp_path: Path, monkeypatch: pytest.MonkeyP
     said = "finger_r_joint (-1 × finger_l_joint)"
     assert done.plan.robot.joints == ("shoulder_yaw", "shoulder_pitch", "elbow", "finger_l_joint")
     assert any(said in line and "locked" in line for line in summary(done))
-    assert any(said in warning for warning in read_set(done.folder).warnings)
+    assert any(said in warning.text for warning in read_set(done.folder).warnings)
 
 
 def test_mimic_joints(tmp_path: Path) -> None:
     file = written(tmp_path, GRIPPER)
     robot = Robot.load(file)
     assert robot.joints == ("joint1", "joint2", "left_joint")
-    assert robot.notes[-1].endswith("coupled in exports: right_joint (-1 × left_joint + 0.1)")
+    locked = {"how": "locked", "follows": ("-1 × left_joint + 0.1",)}
+    assert robot.notes[-1] == Fact("mimic-joints", joints=("right_joint",), values=locked)
     turned = robot.link_poses(np.zeros(3))["right"][:3, :3]  # locked where the leader's zero puts it
     np.testing.assert_allclose(np.arccos(turned[0, 0]), 0.1, atol=1e-9)
     arm = Robot.load(file, ["joint1", "joint2"])
     assert arm.notes == () and arm.joints == ("joint1", "joint2")  # both fingers locked, as the set says
     own = Robot.load(file, ["left_joint", "right_joint"])
-    assert "joints of their own: right_joint" in own.notes[-1]
+    assert (own.notes[-1].joints, own.notes[-1].values["how"]) == (("right_joint",), "own")
 
 
 def test_followers_of_followers_and_of_nothing(tmp_path: Path) -> None:
@@ -216,7 +220,7 @@ def test_followers_of_followers_and_of_nothing(tmp_path: Path) -> None:
     ]
     assert found.rest[1, 0] == pytest.approx(4.0) and not found.welded
     lost = Robot.load(written(tmp_path, GRIPPER.replace('mimic joint="left_joint"', 'mimic joint="lift"')))
-    assert "without an existing leader are locked: right_joint (-1 × lift" in lost.notes[-1]
+    assert (lost.notes[-1].joints, lost.notes[-1].values["how"]) == (("right_joint",), "lost")
 
 
 def test_free_bases_and_frictions_of_locked_joints_are_said(tmp_path: Path) -> None:
@@ -224,12 +228,11 @@ def test_free_bases_and_frictions_of_locked_joints_are_said(tmp_path: Path) -> N
         END,
         JOINT.format(name="free", parent="world", child="base", x=0).replace("revolute", "floating") + END,
     )
-    assert Robot.load(written(tmp_path, free)).notes == ("floating joint free is held fixed",)
-    assert Robot.load(written(tmp_path, free), ["joint1"]).notes == ("floating joint free is held fixed",)
+    held = (Fact("joint-held", joints=("free",), values={"type": "floating"}),)
+    assert Robot.load(written(tmp_path, free)).notes == held
+    assert Robot.load(written(tmp_path, free), ["joint1"]).notes == held
     rough = GRIPPER.replace(MIMIC, f'<dynamics damping="0.3"/>{MIMIC}')
-    assert (
-        "<dynamics> of locked joints is not used: right_joint" in Robot.load(written(tmp_path, rough)).notes
-    )
+    assert Fact("dynamics-unused", joints=("right_joint",)) in Robot.load(written(tmp_path, rough)).notes
     smooth = GRIPPER.replace(MIMIC, f'<dynamics damping="0" friction="0"/>{MIMIC}')
     assert len(Robot.load(written(tmp_path, smooth)).notes) == 1
 
@@ -237,7 +240,7 @@ def test_free_bases_and_frictions_of_locked_joints_are_said(tmp_path: Path) -> N
 def test_an_implicit_world(tmp_path: Path) -> None:
     mounted = URDF.replace(END, JOINT.format(name="mount", parent="world", child="base", x=0) + END)
     robot = Robot.load(written(tmp_path, mounted.replace('"mount" type="revolute"', '"mount" type="fixed"')))
-    assert robot.joints == ("joint1", "joint2") and '"world" is only named as a parent' in robot.notes[0]
+    assert robot.joints == ("joint1", "joint2") and robot.notes[0].kind == "world-added"
     with pytest.raises(InputError, match='parent: link "wrld" does not exist'):
         Robot.load(written(tmp_path, mounted.replace('"world"', '"wrld"')))
 

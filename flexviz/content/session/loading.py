@@ -11,6 +11,7 @@ import numpy as np
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.analysis.identification import Identification
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.content.session.document import (
     OLD_ARRAYS,
     SESSION_FILE,
@@ -146,10 +147,8 @@ def _unpacked(
 ) -> OpenedSession:
     changed = SetReference.from_json(document["set"]).changes(measurements)
     if changed:
-        text = (
-            f"{', '.join(changed)} changed since the session was saved: its results belong to the older data"
-        )
-        measurements = replace(measurements, warnings=(text, *measurements.warnings))
+        fact = Fact("set-changed", "odd", values={"files": tuple(changed)})
+        measurements = replace(measurements, warnings=(fact, *measurements.warnings))
     unpacker = Unpacker(measurements.path, arrays, document.get("shared", []))
     session: Session = unpacker.unpack(Session, document)
 

@@ -74,6 +74,7 @@ from flexviz.content.wording.merging import (
     text_runs,
     tied_families,
 )
+from flexviz.content.wording.mounting import mounting_text
 from flexviz.content.wording.numbers import (
     MARKS,
     SYMBOLS,
@@ -87,6 +88,7 @@ from flexviz.content.wording.numbers import (
     quantity,
     short_names,
     si_scale,
+    sliding_note,
     temperature_text,
     unit_text,
 )

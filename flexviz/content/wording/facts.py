@@ -31,11 +31,16 @@ def fact_text(fact: Fact) -> str:
     Raises:
         KeyError: no topic has words for its kind.
     """
-    written = fact.values.get("text")
-    if written is not None:
-        return written
-    if fact.kind not in SENTENCES:
+    text = fact.values.get("text")
+    if text is None:
+        text = sentence_of(fact.kind)(fact)
+    return f"{fact.file}: {text}" if fact.file else text
+
+
+def sentence_of(kind: str) -> Sentence:
+    """What puts this kind of facts into words; topics are read when the first one is asked for."""
+    if kind not in SENTENCES:
         topics = import_module("flexviz.content.wording.topics")
         for topic in iter_modules(topics.__path__):
             import_module(f"{topics.__name__}.{topic.name}")
-    return SENTENCES[fact.kind](fact)
+    return SENTENCES[kind]

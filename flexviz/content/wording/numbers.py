@@ -6,6 +6,7 @@ import html
 import math
 import re
 from collections.abc import Container, Iterable, Sequence
+from typing import Any
 
 from flexviz.base.spelling import number
 from flexviz.base.statistics import NORMAL_95
@@ -130,6 +131,12 @@ def markdown_table(
     """Lines of a Markdown table, whose columns `numbers` are aligned right; cells must be escaped."""
     rule = ["---:" if i in numbers else "---" for i in range(len(head))]
     return [f"| {' | '.join(row)} |" for row in (head, rule, *rows)]
+
+
+def sliding_note(joints: Sequence[str], slides: Iterable[Any]) -> str:
+    """A sentence for files whose comments state units of joints that turn; empty if no joint slides."""
+    names = ", ".join(joint for joint, one in zip(joints, slides, strict=True) if one)
+    return f"Sliding joints ({names}): N and m where Nm and rad are written." if names else ""
 
 
 MARKS = {"yes": "●", "weak": "◐", "no": "○"}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.files import named_errors, temporary_folder, whole_folder
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.checks import Issue
@@ -51,12 +52,6 @@ from flexviz.model.equation import behind_gear
 from flexviz.robot.robot import PayloadBody, Robot
 
 FORMAT = 1  # of the report as JSON
-BEHIND_GEAR = (
-    "the torque is that of joint torque sensors, as stated: the model has no motor inertia"
-    " and no motor friction",
-    "the torque shows no motor inertia: it is taken for that of joint torque sensors, behind the gears; "
-    'torque = "joint" in the mapping confirms this, torque = "motor" denies it',
-)
 MOST_ROUNDS = 4  # of mending: one repair may show what another finding has hidden
 # with such an issue the torque's delay proves nothing
 ABOUT_UNITS = ("unit", "sign", "zero", "coupling", "unexplained", *SPOILT, "held")
@@ -73,7 +68,7 @@ class Imported:
     offsets: tuple[ClockOffset, ...]  # of the clocks of link positions, after the mapping's shifts
     delay: DelayEstimate | None  # of the torque against the motion; None where it cannot be told
     issues: tuple[Issue, ...]
-    warnings: tuple[str, ...]  # from reading the new set
+    warnings: tuple[Fact, ...]  # from reading the new set
     mended: tuple[str, ...] = ()  # keys that were set as proposed
 
     @property
@@ -109,7 +104,7 @@ class Imported:
             "torque_delay": delay,
             "suspicions": [issue_json(issue) for issue in self.issues],
             "mended": list(self.mended),
-            "warnings": list(self.warnings),
+            "warnings": list(map(str, self.warnings)),
         }
 
 
@@ -166,7 +161,7 @@ def import_logs(
         check_stop(should_stop)
     late = delay_issues(delay, measurements) if delay is not None else []
     if behind_gear(measurements):
-        notes.append(BEHIND_GEAR[mapping.torque is None])
+        notes.append(Fact("behind-gear", values={"stated": mapping.torque is not None}))
     warnings = (*notes, *measurements.warnings)
     return replace(done, folder=target, delay=delay, issues=(*found, *late), warnings=warnings)
 
@@ -252,7 +247,7 @@ def write_groups(
     payloads: dict[str, tuple[PayloadBody, ...]],
     groups: list[AssembledGroup],
     table_format: str,
-) -> list[str]:
+) -> list[Fact]:
     """Write the set into the folder `new`; notes on what its robot lacks."""
     source, files, notes = robot_files(robot)
     write_set(
@@ -287,7 +282,9 @@ def read_back(new: Path, target: Path) -> MeasurementSet:
         file = None if error.file is None else error.file.replace(place, str(target))
         message = error.message.replace(str(new), str(target))
         raise InputError(message, file=file, place=error.place) from None
-    warnings = tuple(warning.replace(place, str(target)) for warning in measurements.warnings)
+    warnings = tuple(
+        replace(warning, file=warning.file.replace(place, str(target))) for warning in measurements.warnings
+    )
     return replace(measurements, warnings=warnings)
 
 

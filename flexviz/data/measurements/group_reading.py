@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from flexviz.base.errors import FlexvizError, InputError, choose_from
-from flexviz.base.spelling import plural
-from flexviz.data.measurements.bridging import Bridged
+from flexviz.base.facts import Fact
 from flexviz.data.measurements.data import OPTIONAL_SIGNALS, Array, Group
 from flexviz.data.measurements.schema import Body, GroupEntry, SetHeader
 from flexviz.data.measurements.segments import SHORTEST, Segmented, check_time, make_segments
@@ -102,7 +102,7 @@ def read_group(
     robot: Robot,
     bodies: tuple[PayloadBody, ...],
     stiffness: Array | None,
-    warn: Callable[[str], None],
+    warn: Callable[[Fact], None],
     clocks: dict[Path, Segmented],
     no_torque: Sequence[str] = (),
 ) -> Group:
@@ -126,28 +126,31 @@ def read_group(
     signals = spread_out(table[:, 1 : 1 + len(needed)], places_of, 2 * n)
     check_time(time, file)
 
-    def warn_here(text: str) -> None:
-        warn(f"{file}: {text}")
+    def warn_in_words(text: str) -> None:
+        warn(Fact("doubtful-column", "odd", values={"text": text}, file=str(file)))
 
-    units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_here)
+    units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
     units.check_time()
     units.check_theta()
     units.check_tau(stiffness)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
-            warn_here(f"column {name} never changes")
-    warn_unused({*present} - {f"tau_{joint}" for joint in no_torque}, ["time", *needed, *optional], warn_here)
+            warn(Fact("constant-column", "odd", columns=(name,), file=str(file)))
+    unread = {*present} - {f"tau_{joint}" for joint in no_torque}
+    for fact in unused_columns(unread, ["time", *needed, *optional]):
+        warn(replace(fact, file=str(file)))
     compared: dict[str, Array] = {}  # NaN for joints without such a column
     for name, column in zip(optional, others.T, strict=True):
         kind, j = places[name]
         measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
-        check_optional(name, column, measured, file, warn_here)
+        check_optional(name, column, measured, file, warn_in_words)
         if kind not in compared:
             compared[kind] = np.full((n, len(column)), np.nan).T
         compared[kind][:, j] = column
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:
-        warn_here(f"{found.dropped} samples in stretches of fewer than {SHORTEST} between gaps are not used")
+        values = {"count": found.dropped, "least": SHORTEST}
+        warn(Fact("samples-not-used", "odd", values=values, file=str(file)))
     if found.filled or found.jitters:
         time = time.copy()  # so that the table can be forgotten
     names = entry.name, entry.trajectory, entry.payload
@@ -166,24 +169,26 @@ def spread_out(columns: Array, places: Sequence[int], count: int) -> Array:
     return whole
 
 
-def warn_unused(present: set[str], used: Sequence[str], warn: Callable[[str], None]) -> None:
-    """Warn of columns that look like those of a joint, but are not used."""
+def unused_columns(present: set[str], used: Sequence[str]) -> Iterator[Fact]:
+    """Columns that look like those of a joint, but are not used."""
     for name in sorted(present - {*used}):
         if name.startswith(("theta_", "tau_", "q_")):
-            meant = choose_from(name, used)
-            warn(f"column {name} belongs to no joint of the set and is not used; {meant}")
+            yield Fact("unused-column", "odd", columns=(name,), values={"used": tuple(used)})
 
 
-def without_scraps(groups: tuple[Group, ...], warn: Callable[[str], None]) -> tuple[Group, ...]:
+def without_scraps(groups: tuple[Group, ...], warn: Callable[[Fact], None]) -> tuple[Group, ...]:
     """The groups without those that gaps leave nothing of; InputError if nothing is left to fit."""
     nothing = [group for group in groups if not group.segments]
-    message = f"no stretch without a gap has {SHORTEST} samples or more"
     if not groups:
         raise InputError("every group holds a static test, expected a motion as well", place="groups")
     if nothing and all(group.validation or not group.segments for group in groups):
-        raise InputError(f"{message}, expected at least one", file=nothing[0].file)
+        raise InputError(
+            f"no stretch without a gap has {SHORTEST} samples or more, expected at least one",
+            file=nothing[0].file,
+        )
     for group in nothing:
-        warn(f'{group.file}: {message}: group "{group.name}" is left out')
+        values = {"least": SHORTEST}
+        warn(Fact("group-too-short", "odd", groups=(group.name,), values=values, file=str(group.file)))
     return tuple(group for group in groups if group.segments)
 
 
@@ -195,49 +200,24 @@ def check_signals(groups: Sequence[Group], file: Path) -> None:
             raise InputError(message, file=file, place="groups")
 
 
-def copies(groups: Sequence[Group]) -> list[str]:
-    """Groups with the same samples, which count twice or confirm themselves, one sentence each."""
+def copies(groups: Sequence[Group]) -> Iterator[Fact]:
+    """Groups with the same samples, which count twice or confirm themselves."""
     seen: dict[bytes, Group] = {}
-    found = []
     for group in groups:
         longest = max(group.segments, key=len)
         samples = b"".join(signal[:COMPARED].tobytes() for signal in (longest.theta, longest.tau))
         if (first := seen.setdefault(hashlib.sha256(samples).digest(), group)) is not group:
-            message = f'groups "{first.name}" and "{group.name}" hold the same samples'
-            found.append(f"{group.file}: {message}: intervals are narrower than one recording allows")
-    return found
+            yield Fact("same-samples", "odd", groups=(first.name, group.name), file=str(group.file))
 
 
-def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:
-    """What was done to the clocks of the tables, one sentence for all that share it."""
-    jittering = [file for file, found in clocks.items() if found.jitters]
-    filled = {file: found.filled for file, found in clocks.items() if found.filled}
-    warnings = []
-    if jittering:
-        warnings.append(
-            f"{listed(jittering)}: the time jitters: the signals were resampled to a uniform step"
-        )
-    if filled:
-        count = sum(filled.values())
-        what = "1 single missing sample was" if count == 1 else f"{count} single missing samples were"
-        warnings.append(f"{listed(list(filled))}: {what} interpolated")
+def clock_facts(clocks: Mapping[Path, Segmented]) -> Iterator[Fact]:
+    """What was done to the clocks of the tables, one fact for all that share it."""
+    if jittering := tuple(str(file) for file, found in clocks.items() if found.jitters):
+        yield Fact("time-jitters", "odd", values={"files": jittering})
+    if filled := {str(file): found.filled for file, found in clocks.items() if found.filled}:
+        yield Fact("samples-filled", "odd", values={"files": tuple(filled), "count": sum(filled.values())})
     for file, found in clocks.items():
         if (gaps := found.gaps) is not None and gaps.count:
-            warnings.append(f"{file}: {gap_text(gaps)}")
-    return warnings
-
-
-def gap_text(gaps: Bridged) -> str:
-    """What was done to the gaps of a table."""
-    were = "was" if gaps.count == 1 else "were"
-    text = (
-        f"{plural(gaps.count, 'gap')} of up to {1e3 * gaps.longest:.3g} ms, short against the content of the "
-    )
-    text += f"signals, {were} interpolated"
-    left = f"; longer gaps, {gaps.left} of up to {1e3 * gaps.longest_left:.3g} ms, split it"
-    return text + (left if gaps.left else "")
-
-
-def listed(files: Sequence[Path]) -> str:
-    """The first file in full, and how many more there are."""
-    return str(files[0]) + (f" and {len(files) - 1} more" if len(files) > 1 else "")
+            values = {"count": gaps.count, "longest": gaps.longest, "left": gaps.left}
+            values |= {"longest_left": gaps.longest_left} if gaps.left else {}
+            yield Fact("gaps-bridged", "odd", values=values, file=str(file))

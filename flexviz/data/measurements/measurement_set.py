@@ -14,13 +14,14 @@ from typing import Any, Unpack
 import numpy as np
 
 from flexviz.base.errors import InputError, choose_from
+from flexviz.base.facts import Fact
 from flexviz.base.names import names_of
 from flexviz.base.units import joint_units
 from flexviz.data.measurements.array_tables import array_tables
 from flexviz.data.measurements.data import Array, Fingerprint, Group, Segment, present_fingerprint
 from flexviz.data.measurements.group_reading import (
     check_signals,
-    clock_warnings,
+    clock_facts,
     copies,
     read_group,
     read_payloads,
@@ -44,17 +45,17 @@ NO_SAMPLES = Segment(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
 log = logging.getLogger("flexviz.data.measurements")
 
 
-class Warnings(list[str]):
-    """Oddities found while a set is read, one line each."""
+class Warnings(list[Fact]):
+    """Oddities found while a set is read."""
 
     def __init__(self, logged: bool) -> None:
         super().__init__()
         self._logged = logged
 
-    def __call__(self, *texts: str) -> None:
-        self.extend(texts)
-        for text in texts if self._logged else ():
-            log.warning("%s", text)
+    def __call__(self, *facts: Fact) -> None:
+        self.extend(facts)
+        for fact in facts if self._logged else ():
+            log.warning("%s", fact)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ class MeasurementSet:
         groups: all groups of motion, in the file's order.
         holds: static tests.
         simulated: True when a simulator wrote the set (and truth.json beside it).
-        warnings: oddities found while reading, one line each.
+        warnings: oddities found while reading.
         files_read: hashes of its files when they were read; None if it was not read from files.
         date: of the recording, or None.
         torque: what τ is: "motor", or "joint" if it was measured behind the gears; None: the data decide.
@@ -96,7 +97,7 @@ class MeasurementSet:
     payloads: dict[str, tuple[PayloadBody, ...]]
     groups: tuple[Group, ...]
     simulated: bool = False
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Fact, ...] = ()
     files_read: Fingerprint | None = None
     date: dt.datetime | dt.date | None = None
     torque: TorqueSide | None = None
@@ -158,7 +159,7 @@ class MeasurementSet:
         ]
         content = parse(set_document(robot.source, robot.joints, bodies, entries, **properties), place)
         warn = Warnings(logged=True)
-        warn(*(f"{robot.source}: {note}" for note in robot.notes))
+        warn(*(replace(note, file=robot.source) for note in robot.notes))
         checked = read_payloads(content, robot, place)
         read = checked_set(content, robot, checked, list(tables.values()), place, warn)
         return replace(read, files_read=Fingerprint(tuple(table.hash for table in tables.values())))
@@ -291,7 +292,7 @@ def checked_set(
     groups = without_scraps(groups, warn)
     check_signals(groups, file)
     warn(*copies(groups))
-    warn(*clock_warnings(clocks))
+    warn(*clock_facts(clocks))
     gains = content.controller
     return MeasurementSet(
         path=file,

@@ -32,7 +32,7 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
     robot = read_robot(content.robot, content.joints, folder, file, content.gravity)
     payloads = read_payloads(content, robot, file)
     warn = Warnings(logged)
-    warn(*(f"{content.robot}: {note}" for note in robot.notes))
+    warn(*(replace(note, file=content.robot) for note in robot.notes))
     paths = tables_of(content, folder, file)
     files = present_fingerprint(folder, robot, paths)
     holds = static_tests(content, paths, robot, payloads, warn)

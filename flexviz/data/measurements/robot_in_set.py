@@ -7,12 +7,13 @@ from contextlib import suppress
 from pathlib import Path
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.robot.robot import Robot, is_library_robot
 from flexviz.robot.robot_files import mesh_names, read_urdf, resolve_mesh
 
 
-def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[str]]:
-    """The set's name for its robot, the files it needs for that, and notes on missing meshes.
+def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[Fact]]:
+    """The set's name for its robot, the files it needs for that, and a fact on missing meshes.
 
     A URDF goes into the set as robot.urdf, its meshes beside it into meshes/.
     """
@@ -38,9 +39,9 @@ def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[
         for mesh in root.iter("mesh"):
             mesh.set("filename", renamed.get(mesh.get("filename", ""), mesh.get("filename", "")))
         text = ElementTree.tostring(root, encoding="unicode")
-    notes = [f"{missing[0]}: the robot can be identified but not drawn"] if missing else []
-    notes = [f"{len(missing)} meshes are missing, {notes[0]}"] if len(missing) > 1 else notes
-    return "robot.urdf", {"robot.urdf": text, **files}, notes
+    values = {"count": len(missing), "first": "".join(missing[:1])}
+    facts = [Fact("meshes-missing", "odd", values=values)] if missing else []
+    return "robot.urdf", {"robot.urdf": text, **files}, facts
 
 
 def description(robot: Robot) -> str:

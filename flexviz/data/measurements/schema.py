@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from flexviz.base.errors import InputError, choose_from
 from flexviz.base.resources import sessions_dir
 from flexviz.base.schemas import Number, StrictTable, Text, first_repeated, validate
-from flexviz.robot.mounting import GRAVITY, gravity_problem
+from flexviz.robot.mounting import GRAVITY, check_gravity
 
 FILE_NAME = "measurements.toml"
 FORMAT = 1
@@ -38,8 +38,10 @@ Recorded = Annotated[Any, AfterValidator(recorded)]
 
 def stated_gravity(value: Any) -> Any:
     """Gravity as a set states it."""
-    if problem := gravity_problem(value):
-        raise PydanticCustomError("gravity", "{problem}", {"problem": problem})
+    try:
+        check_gravity(value)
+    except ValueError as error:
+        raise PydanticCustomError("gravity", "{problem}", {"problem": str(error)}) from None
     return value
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexviz.base.facts import Fact
 from flexviz.data.measurements.holds import SHORTEST_HOLD, HoldGroup, find_holds
 from flexviz.data.measurements.schema import GroupEntry, MeasurementFile, clamped_joints
 from flexviz.data.measurements.segments import check_time
@@ -19,7 +20,7 @@ def static_tests(
     paths: Sequence[Path],
     robot: Robot,
     payloads: Mapping[str, tuple[PayloadBody, ...]],
-    warn: Callable[[str], None],
+    warn: Callable[[Fact], None],
 ) -> tuple[HoldGroup, ...]:
     """The static tests of a set; `paths` are its tables."""
     silent = content.model.no_torque
@@ -36,7 +37,7 @@ def read_holds(
     robot: Robot,
     bodies: tuple[PayloadBody, ...],
     no_torque: Sequence[str],
-    warn: Callable[[str], None],
+    warn: Callable[[Fact], None],
 ) -> HoldGroup:
     """Read a static test: a recording, of which the rests count, or a table with one row per hold.
 
@@ -56,6 +57,6 @@ def read_holds(
     holds = find_holds(table[:, 0], table[:, 1 : 1 + n], tau, table[:, -n:] if stated else None)
     names = clamped_joints(entry.clamped, joints)
     if not holds.count:
-        warn(f"{file}: no rest of {SHORTEST_HOLD:g} s was found in this static test")
+        warn(Fact("no-rest", "odd", values={"least": SHORTEST_HOLD}, file=str(file)))
     clamped = np.array([joint in names for joint in joints])
     return HoldGroup(entry.name, entry.payload, bodies, file, holds, clamped)

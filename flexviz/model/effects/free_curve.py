@@ -254,7 +254,7 @@ def _on_link(curve: type[FreeCurveEffect]) -> FreeCurveEffect:
     texts = {
         "name": curve.name.replace("curve", "link_curve"),
         "title": curve.title.replace(" (", " on the link ("),
-        "explanation": curve.explanation.replace("A torque", "A torque on the link", 1),
+        "explanation": curve.explanation.replace("torque", "torque on the link", 1),
         "where": "link",
         "state": True,
     }

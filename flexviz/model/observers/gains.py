@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexviz.base._scipy import sp
 from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.model.observers.cascade import ORDER
 
 LEAST_DECAY = 1e-3  # of the slowest pole, relative to the bandwidth: slower ones never settle in a record
@@ -52,21 +53,18 @@ def eso_poles(gains: ArrayLike) -> NDArray[np.complex128]:
     return w * roots
 
 
-def why_unusable(gains: Sequence[float]) -> str:
-    """Why an observer cannot have these gains, or ""."""
+def why_unusable(gains: Sequence[float]) -> Fact | None:
+    """Why an observer cannot have these gains; None if it can."""
     if len(gains) != ORDER:
-        return f"{len(gains)} gains were given, expected {ORDER}: β1 … β6"
+        return Fact("unusable-gains", "wrong", values={"given": len(gains), "expected": ORDER})
     for i, gain in enumerate(gains, 1):
         if not (np.isfinite(gain) and gain > 0):
-            return f"β{i} = {gain:g} makes the observer unstable: every gain is to be positive and finite"
+            return Fact("unusable-gains", "wrong", values={"number": i, "gain": float(gain)})
     worst = max(eso_poles(gains), key=lambda pole: pole.real)
     if worst.real > -LEAST_DECAY * mean_bandwidth(gains):
-        imaginary = f" ± {abs(worst.imag):.3g}i" if worst.imag else ""
-        return (
-            f"these gains make the observer unstable: pole at {worst.real:.3g}{imaginary} rad/s, "
-            "expected all poles left of the imaginary axis"
-        )
-    return ""
+        pole = (float(worst.real), abs(float(worst.imag)))
+        return Fact("unusable-gains", "wrong", values={"pole": pole})
+    return None
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.base.errors import InputError, choose_from
+from flexviz.base.facts import Fact
 from flexviz.model.effects import EFFECTS
 from flexviz.model.simulation.effect_laws import LAWS, Assembly, TorquePath
 from flexviz.model.simulation.laws import ROOM_TEMPERATURE, UserEffectLaw
@@ -75,13 +76,13 @@ def require_simulated(name: str, what: str = "simulated") -> None:
         raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
 
 
-def without_unsimulated(model: FlexibleModel) -> tuple[FlexibleModel, list[str]]:
-    """The model without user-defined effects whose class has no simulation, and a note on each."""
+def without_unsimulated(model: FlexibleModel) -> tuple[FlexibleModel, list[Fact]]:
+    """The model without user-defined effects whose class has no simulation, and a fact on each."""
     left = dict.fromkeys(
         e.effect for e in model.effects if e.effect in EFFECTS and not is_simulated(e.effect)
     )
     kept = tuple(e for e in model.effects if e.effect not in left)
-    return replace(model, effects=kept), [f"{name} left out: its class has no simulation" for name in left]
+    return replace(model, effects=kept), [Fact("not-simulated", "odd", values={"effect": e}) for e in left]
 
 
 def check_effect(effect: EffectValue, joints: Sequence[str]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.model.simulation.control import PDController
 from flexviz.model.simulation.plan import Plan, four_groups
 from flexviz.model.simulation.plant import Array
@@ -62,7 +63,7 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
         sensors=Sensors(np.full(robot.n, THETA_NOISE), 0.02 * torque),
         initial_stiffness=rough(stiffness, 0.3, rng),
         initial_motor_inertia=rough(motor_inertia, 0.3, rng),
-        note="proportional to the URDF's inertia; not the values of a real robot",
+        note=Fact("true-values", values={"from": "urdf"}),
         single=True,
         files={path.name: path.read_text(encoding="utf-8"), **meshes(robot, path)},
     )

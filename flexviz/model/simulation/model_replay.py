@@ -1,7 +1,7 @@
 """Simulation of an identified model along a recorded group.
 
 Closed loop if the set has controller gains and reference: the same controller drives the model. Otherwise the
-recorded torque drives it, with a weak PD on (measured − simulated) θ against drift. The note tells which.
+recorded torque drives it, with a weak PD on (measured − simulated) θ against drift. A fact tells which.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.data.measurements import Group, Segment
 from flexviz.model.simulation import rates, starting
@@ -85,12 +86,8 @@ def replay(
         )
         done, left = done + count, left - count * segment.step
     progress(Progress("simulating", 1.0))
-    how = (
-        "closed loop: the set's controller drives the model along the recorded reference"
-        if closed
-        else "open loop: the recorded torque drives the model, a weak PD (2 Hz) keeps it near the motion"
-    )
-    return _joined(runs, "; ".join([how, *left_out, *changes]))
+    loop = Fact("replayed", values={"loop": "closed" if closed else "open"})
+    return _joined(runs, (loop, *left_out, *changes))
 
 
 def _replay_segment(
@@ -170,8 +167,8 @@ def _weak_gains(robot: Robot, plant: Plant, group: Group) -> tuple[Array, Array]
 
 def _resolvable(
     robot: Robot, model: FlexibleModel, group: Group, kd: Array | None, cycle: float
-) -> tuple[FlexibleModel, list[str]]:
-    """The model with stiffness and motor inertia limited to the range that can be simulated, and notes."""
+) -> tuple[FlexibleModel, list[Fact]]:
+    """The model with stiffness and motor inertia limited to what can be simulated, and what was changed."""
     plant, _ = make_plant(robot, model, group.bodies)
     data = plant.model.createData()
     q = robot.to_pin(group.segments[0].theta[0])
@@ -187,12 +184,12 @@ def _resolvable(
     if vibration > 2.0 * FASTEST_VIBRATION:
         model = replace(model, stiffness=stiffness * (2.0 * FASTEST_VIBRATION / vibration) ** 2)
         softer[:] = True
-    notes = []
-    for what, which in (("stiffness lowered", softer), ("motor inertia raised", heavier)):
-        if which.any():
-            names = ", ".join(joint for joint, yes in zip(model.joints, which, strict=True) if yes)
-            notes.append(f"{what} to what can be simulated: {names}")
-    return model, notes
+    changed = [
+        Fact("limited", "odd", joints, values={"what": what})
+        for what, which in (("stiffness", softer), ("motor_inertia", heavier))
+        if (joints := tuple(joint for joint, yes in zip(model.joints, which, strict=True) if yes))
+    ]
+    return model, changed
 
 
 def _first(segment: Segment, count: int) -> Segment:
@@ -201,7 +198,7 @@ def _first(segment: Segment, count: int) -> Segment:
     return Segment(segment.time[:count], segment.theta[:count], segment.tau[:count], segment.step)
 
 
-def _joined(runs: list[Run], note: str) -> Run:
+def _joined(runs: list[Run], facts: tuple[Fact, ...]) -> Run:
     names = ("time", "theta", "theta_velocity", "q", "q_velocity", "tau", "tau_joint", "theta_ref")
     arrays = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
-    return Run(**arrays, torque_hold=runs[0].torque_hold, note=note)
+    return Run(**arrays, torque_hold=runs[0].torque_hold, facts=facts)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.model.compensation import FrictionTable
 from flexviz.model.simulation.control import PDController
@@ -81,7 +82,7 @@ class Plan:
     effects: tuple[str, ...] = ()
     single: bool = False
     extra: bool = True
-    note: str = ""
+    note: Fact | str = ""
     files: Mapping[str, str | Path] = field(default_factory=dict)
     laws: tuple[tuple[str, ExtraLaw], ...] = ()
     step: float | None = None

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexviz.base.facts import Fact
 from flexviz.model.simulation.control import PDController
 from flexviz.model.simulation.plan import Plan, PlannedGroup, four_groups
 from flexviz.model.simulation.plant import Array
@@ -33,7 +34,7 @@ PAPER_TRAJECTORIES = {"t1": (1.0, 0.5 * np.pi), "t2": (0.7, 0.3 * np.pi), "t3": 
 # The paper's true values are lost. These were chosen near its start values; as there, they are regrouped
 # about joint 1: Izz1 + l1² m2, mx1 + l1 m2, with l1 = 1 m.
 PLANAR_TRUTH = {"izz1": 2.50, "mx1": 1.05, "my1": 0.02, "izz2": 1.42, "mx2": 0.40, "my2": 0.05}
-PLANAR_NOTE = "the paper's true values are lost; these were chosen near its start values"
+PLANAR_NOTE = Fact("true-values", values={"from": "paper"})
 PLANAR_STIFFNESS, PLANAR_MOTOR_INERTIA = np.array([900.0, 1000.0]), np.array([2.56, 1.49])  # rough
 PLANAR_MASS = (0.60, 0.75)  # [kg] of the two links; the motion does not show how the values above are split
 
@@ -152,7 +153,7 @@ def panda() -> Plan:
     rng = np.random.default_rng(2024)
     inertial = perturbed(robot.cad_parameters, 0.15, rng)
     initial = (rough(settings.stiffness, 0.3, rng), rough(settings.motor_inertia, 0.3, rng))
-    note = "chosen for demonstration; masses, centres and inertias are 15 % away from the URDF's"
+    note = Fact("true-values", values={"from": "demonstration"})
     return replace(_plan("panda", settings, robot, inertial, payloads, groups, initial, note), single=True)
 
 
@@ -191,7 +192,7 @@ def _plan(
     payloads: dict[str, tuple[PayloadBody, ...]],
     groups: tuple[PlannedGroup, ...],
     initial: tuple[Array, Array],
-    note: str,
+    note: Fact,
 ) -> Plan:
     """The plan of a robot with its usual settings; `initial` are rough stiffness and motor inertia."""
     return Plan(

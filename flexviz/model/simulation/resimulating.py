@@ -8,6 +8,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.data.noise import segments_noise
 from flexviz.model.simulation.control import PDController
@@ -53,7 +54,7 @@ def plan_from_set(measurements: MeasurementSet) -> Plan:
         initial_stiffness=measurements.initial_stiffness,
         initial_motor_inertia=measurements.initial_motor_inertia,
         effects=measurements.effects,
-        note="the set's [initial] values and URDF, or in proportion to its inertia where it gives none",
+        note=Fact("true-values", values={"from": "set"}),
         files={} if ":" in robot.source else {robot.source: robot.urdf_path.read_text(encoding="utf-8")},
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.model.compensation import FrictionTable
 from flexviz.model.simulation import starting
@@ -36,7 +37,7 @@ class Run:
         tau_joint: (N, n) torque in the joints, exact [Nm].
         theta_ref: (N, n) reference [rad].
         torque_hold: how long each torque is held [s]; 0 for filtered ones.
-        note: remarks on the simulation.
+        facts: how it was simulated.
     """
 
     time: Array
@@ -48,7 +49,12 @@ class Run:
     tau_joint: Array
     theta_ref: Array
     torque_hold: float
-    note: str = ""
+    facts: tuple[Fact, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """The facts in words."""
+        return "; ".join(fact.text for fact in self.facts)
 
     def measured(self, sensors: Sensors, seed: Seed = None) -> Run:
         """This run as recorded by `sensors`: θ and τ get noise and resolution, not the torque filter."""

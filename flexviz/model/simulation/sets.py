@@ -179,7 +179,7 @@ def truth(plan: Plan, seed: int) -> dict[str, Any]:
         "preset": plan.name,
         "seed": seed,
         "start": plan.start,
-        "note": plan.note,
+        "note": str(plan.note),
         "joints": list(plan.robot.joints),
         "parameters": true_parameters(plan.model, plan.robot.prismatic),
         "effects": true_effects(plan.model, plan.robot.prismatic),

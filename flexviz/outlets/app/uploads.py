@@ -151,7 +151,7 @@ def describe_robot(urdf: Path) -> str:
         robot = Robot.load(urdf)
     except InputError as error:
         raise InputError(str(error).replace(f"{urdf.parent}/", "")) from None
-    return "; ".join([f"{robot.name}, {plural(robot.n, 'joint')}", *robot.notes])
+    return "; ".join([f"{robot.name}, {plural(robot.n, 'joint')}", *map(str, robot.notes)])
 
 
 class UploadFolder:

@@ -50,7 +50,7 @@ def analyse_set(what: Json, where: Json) -> Json:
     settings = FitSettings(**options["fit"])
     identified = identify(measurements, settings, should_stop=stop)
     out: Json = {"joints": list(measurements.joints), "robot": measurements.robot.name}
-    out |= {"simulated": measurements.simulated, "warnings": list(measurements.warnings)}
+    out |= {"simulated": measurements.simulated, "warnings": list(map(str, measurements.warnings))}
     out["identification"] = identified.to_dict()
     if options["diagnosed"]:
         extended = replace(measurements, effects=(*measurements.effects, *settings.effects))

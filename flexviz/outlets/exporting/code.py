@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.base.errors import InputError
-from flexviz.base.units import sliding_note
+from flexviz.content.wording import sliding_note
 from flexviz.outlets.exporting.code_tables import INDICES, CodeArray, CodeRows, CodeTables, code_tables
 from flexviz.outlets.exporting.identified import FormatFiles, IdentifiedRobot
 

@@ -15,14 +15,13 @@ from flexviz import __version__
 from flexviz.analysis.estimation import pseudo_inertia
 from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError, choose_from
-from flexviz.base.units import sliding_note
 from flexviz.content.records import Verdict
 from flexviz.content.results import ResultDocument, lacks_effects
+from flexviz.content.wording import mounting_text, sliding_note
 from flexviz.model.effects import EFFECTS, named_effect
 from flexviz.outlets.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.outlets.exporting.laws import Laws, laws, not_of_robot
 from flexviz.robot.model import INERTIAL_NAMES, EffectValue, FlexibleModel
-from flexviz.robot.mounting import mounting_text
 from flexviz.robot.robot import PayloadBody, Robot
 
 if TYPE_CHECKING:

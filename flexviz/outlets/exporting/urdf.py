@@ -13,11 +13,11 @@ from xml.dom import minidom
 
 from flexviz.base.errors import InputError
 from flexviz.base.units import joint_unit
+from flexviz.content.wording import mounting_text
 from flexviz.outlets.exporting.bodies import Carrier, carriers
 from flexviz.outlets.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.outlets.exporting.xml_text import comment_text, number_text
 from flexviz.robot.model import INERTIAL_NAMES
-from flexviz.robot.mounting import mounting_text
 from flexviz.robot.robot_files import resolve_mesh
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}

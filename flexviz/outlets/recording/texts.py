@@ -16,13 +16,13 @@ from flexviz.content.wording import (
     effect_text_name,
     error_whole,
     markdown_table,
+    mounting_text,
     share_text,
     span_text,
     verdict_text,
 )
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.outlets.recording.optimiser import Solve
-from flexviz.robot.mounting import mounting_text
 
 SIMULATED = "**Simulated data**: a simulator wrote this measurement set, no robot was recorded."
 MAX_LOCATIONS = 6  # joint and variable, where the final model fails

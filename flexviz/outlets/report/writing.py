@@ -12,7 +12,7 @@ from flexviz.base.errors import Cancelled, InputError, choose_from
 from flexviz.base.files import as_json
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.content.session import Session, now
-from flexviz.content.wording import plural
+from flexviz.content.wording import mounting_text, plural
 from flexviz.data.measurements import MeasurementSet
 from flexviz.outlets.report.blocks import ReportDocument, Section
 from flexviz.outlets.report.content import ReportContent, gather, shown_time
@@ -25,7 +25,6 @@ from flexviz.outlets.report.sections.parameters import guard, parameters
 from flexviz.outlets.report.sections.reproduce import reproduce
 from flexviz.outlets.report.sections.summary import sentence, summary, warnings
 from flexviz.outlets.report.sections.torque import torque
-from flexviz.robot.mounting import mounting_text
 
 SECTIONS: tuple[Callable[[ReportContent], Section | None], ...] = (
     summary, acceptance, staircase, torque, effects, why, parameters, where, telling_apart, guard, reproduce,

@@ -16,6 +16,7 @@ from flexviz.content.wording import (
     SYMBOLS,
     escape,
     estimate_cells,
+    mounting_text,
     number,
     plain_name,
     plural,
@@ -24,7 +25,6 @@ from flexviz.content.wording import (
 from flexviz.data.measurements import MeasurementSet
 from flexviz.outlets.view.free_curves import physical
 from flexviz.robot.model import INERTIAL_NAMES
-from flexviz.robot.mounting import mounting_text
 
 Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
 
@@ -45,7 +45,7 @@ def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
         ("Effects in the set", ", ".join(plain_name(name) for name in measurements.effects) or "none"),
     ]
     body = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
-    warnings = [*measurements.warnings[:3]]
+    warnings = [*map(str, measurements.warnings[:3])]
     if missing:
         more = f" (and {plural(len(missing) - 1, 'other')})" if len(missing) > 1 else ""
         warnings.append(f"Drawn as sticks where meshes are missing: {missing[0]}{more}")

@@ -30,6 +30,20 @@ def torque_saturated(fact: Fact) -> str:
     return f"{'; '.join(each)}: {SATURATED}"
 
 
+@says("behind-gear")
+def behind_gear(fact: Fact) -> str:
+    """A torque without motor inertia."""
+    if fact.values["stated"]:
+        return (
+            "the torque is that of joint torque sensors, as stated: the model has no motor inertia and no "
+            "motor friction"
+        )
+    return (
+        "the torque shows no motor inertia: it is taken for that of joint torque sensors, behind the gears; "
+        'torque = "joint" in the mapping confirms this, torque = "motor" denies it'
+    )
+
+
 @says("filtered")
 def filtered(fact: Fact) -> str:
     """A log that was low-passed before it was written."""

@@ -9,7 +9,7 @@ from itertools import groupby
 
 from flexviz import __version__
 from flexviz.content.session import Analysis
-from flexviz.content.wording import number, plural, temperature_text
+from flexviz.content.wording import mounting_text, number, plural, temperature_text
 from flexviz.model.effects import loaded_files
 from flexviz.outlets.report.blocks import (
     Block,
@@ -23,7 +23,6 @@ from flexviz.outlets.report.blocks import (
     table,
 )
 from flexviz.outlets.report.content import ReportContent, shown_time
-from flexviz.robot.mounting import mounting_text
 
 LIBRARIES = ("numpy", "scipy", "pin", "pyarrow")
 IN_MEMORY = "in memory, of arrays"

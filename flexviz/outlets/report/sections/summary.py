@@ -129,7 +129,7 @@ def warnings(content: ReportContent) -> list[str]:
     if not content.changed:
         result = content.identification or content.diagnosis
         contradicted = [entry.message for entry in result.recording] if result is not None else []
-        told = dict.fromkeys([*content.measurements.warnings, *contradicted])
+        told = dict.fromkeys([*map(str, content.measurements.warnings), *contradicted])
         out += [_sentence(warning, (warning,)) for warning in told]
     return out
 
