@@ -126,8 +126,11 @@ def read_group(
     signals = spread_out(table[:, 1 : 1 + len(needed)], places_of, 2 * n)
     check_time(time, file)
 
+    def warn_here(fact: Fact) -> None:
+        warn(replace(fact, file=str(file)))
+
     def warn_in_words(text: str) -> None:
-        warn(Fact("doubtful-column", "odd", values={"text": text}, file=str(file)))
+        warn_here(Fact("doubtful-column", "odd", values={"text": text}))
 
     units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
     units.check_time()
@@ -135,10 +138,10 @@ def read_group(
     units.check_tau(stiffness)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
-            warn(Fact("constant-column", "odd", columns=(name,), file=str(file)))
-    unread = {*present} - {f"tau_{joint}" for joint in no_torque}
-    for fact in unused_columns(unread, ["time", *needed, *optional]):
-        warn(replace(fact, file=str(file)))
+            warn_here(Fact("constant-column", "odd", columns=(name,)))
+    used = ("time", *needed, *optional)
+    for name in unused_columns({*present} - {f"tau_{joint}" for joint in no_torque}, used):
+        warn_here(Fact("unused-column", "odd", columns=(name,), values={"used": used}))
     compared: dict[str, Array] = {}  # NaN for joints without such a column
     for name, column in zip(optional, others.T, strict=True):
         kind, j = places[name]
@@ -149,15 +152,13 @@ def read_group(
         compared[kind][:, j] = column
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:
-        values = {"count": found.dropped, "least": SHORTEST}
-        warn(Fact("samples-not-used", "odd", values=values, file=str(file)))
+        warn_here(Fact("samples-not-used", "odd", values={"count": found.dropped, "least": SHORTEST}))
     if found.filled or found.jitters:
         time = time.copy()  # so that the table can be forgotten
-    names = entry.name, entry.trajectory, entry.payload
-    degrees = temperatures(entry.temperature, n)
     return Group(
-        *names, bodies, entry.validation, file, found.segments, time, **compared, temperature=degrees
-    )
+        entry.name, entry.trajectory, entry.payload, bodies, entry.validation, file, found.segments, time,
+        **compared, temperature=temperatures(entry.temperature, n),
+    )  # fmt: skip
 
 
 def spread_out(columns: Array, places: Sequence[int], count: int) -> Array:
@@ -169,11 +170,9 @@ def spread_out(columns: Array, places: Sequence[int], count: int) -> Array:
     return whole
 
 
-def unused_columns(present: set[str], used: Sequence[str]) -> Iterator[Fact]:
+def unused_columns(present: set[str], used: Sequence[str]) -> list[str]:
     """Columns that look like those of a joint, but are not used."""
-    for name in sorted(present - {*used}):
-        if name.startswith(("theta_", "tau_", "q_")):
-            yield Fact("unused-column", "odd", columns=(name,), values={"used": tuple(used)})
+    return sorted(name for name in present - {*used} if name.startswith(("theta_", "tau_", "q_")))
 
 
 def without_scraps(groups: tuple[Group, ...], warn: Callable[[Fact], None]) -> tuple[Group, ...]:
