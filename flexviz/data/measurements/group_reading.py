@@ -142,14 +142,11 @@ def read_group(
     used = ("time", *needed, *optional)
     for name in unused_columns({*present} - {f"tau_{joint}" for joint in no_torque}, used):
         warn_here(Fact("unused-column", "odd", columns=(name,), values={"used": used}))
-    compared: dict[str, Array] = {}  # NaN for joints without such a column
     for name, column in zip(optional, others.T, strict=True):
         kind, j = places[name]
         measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
         check_optional(name, column, measured, file, warn_in_words)
-        if kind not in compared:
-            compared[kind] = np.full((n, len(column)), np.nan).T
-        compared[kind][:, j] = column
+    compared = by_kind([places[name] for name in optional], others, n)
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:
         warn_here(Fact("samples-not-used", "odd", values={"count": found.dropped, "least": SHORTEST}))
@@ -159,6 +156,14 @@ def read_group(
         entry.name, entry.trajectory, entry.payload, bodies, entry.validation, file, found.segments, time,
         **compared, temperature=temperatures(entry.temperature, n),
     )  # fmt: skip
+
+
+def by_kind(places: Sequence[tuple[str, int]], columns: Array, n: int) -> dict[str, Array]:
+    """Kind of signal -> its columns (N, n), NaN for joints without one; `places`: kind and joint of each."""
+    out: dict[str, Array] = {}
+    for (kind, j), column in zip(places, columns.T, strict=True):
+        out.setdefault(kind, np.full((n, len(column)), np.nan).T)[:, j] = column
+    return out
 
 
 def spread_out(columns: Array, places: Sequence[int], count: int) -> Array:
