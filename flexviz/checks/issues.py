@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from flexviz.data.logs import Fix, Proposal
 
@@ -35,6 +35,17 @@ class Issue:
     fixes: tuple[Fix, ...] = ()
     proposals: tuple[Proposal, ...] = ()
     alike: Sequence[Issue] = ()
+
+    words: ClassVar[Callable[[Issue], str]] = repr
+    """Turns an issue into a sentence."""
+
+    @property
+    def message(self) -> str:
+        """Its sentence, without signal and joints."""
+        return type(self).words(self)
+
+    def __str__(self) -> str:
+        return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
 
     @property
     def remedies(self) -> tuple[Proposal, ...]:

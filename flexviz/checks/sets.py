@@ -15,13 +15,14 @@ from flexviz.base.progress import Progress, ProgressCallback, StopCallback, igno
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
 from flexviz.content.records import RecordingEntry
-from flexviz.content.wording import issue_text
+from flexviz.content.wording import issue_message, issue_text
 from flexviz.data.logs import parse_mapping
 from flexviz.data.measurements import Group, GroupTable, MeasurementSet
 
 log = logging.getLogger(__name__)
 # first group -> all groups of a set, and what was found: other settings of a set change nothing of it
 _FOUND: WeakKeyDictionary[Group, tuple[list[int], tuple[Issue, ...]]] = WeakKeyDictionary()
+Issue.words = issue_message
 COMPARING = "comparing the torques with the robot's masses"
 
 
