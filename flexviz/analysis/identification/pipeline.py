@@ -105,7 +105,7 @@ def identify(
         message += f"; {silent}"
     if saturated := saturated_text(measurements.seen_limits, measurements.joints):
         message += f"; {saturated}"
-    result = replace(result, message=message, recording=recording_entries(measurements, should_stop))
+    result = replace(result, message=message, recording=recording_entries(measurements))
     return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 
 
