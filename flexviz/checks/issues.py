@@ -1,4 +1,4 @@
-"""What is wrong or odd with a recording, as facts: `flexviz.content.wording.issue_text` says it in words."""
+"""What is wrong or odd with a recording, as facts; `str()` of one says it in words."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from flexviz.base.facts import Fact
 from flexviz.data.logs import Fix, Proposal
 
 Severity = Literal["wrong", "odd"]
@@ -35,6 +36,14 @@ class Issue:
     fixes: tuple[Fix, ...] = ()
     proposals: tuple[Proposal, ...] = ()
     alike: Sequence[Issue] = ()
+
+    @property
+    def message(self) -> str:
+        """Its sentence, without signal and joints."""
+        return Fact("issue", self.severity, self.joints, values={"issue": self}).text
+
+    def __str__(self) -> str:
+        return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
 
     @property
     def remedies(self) -> tuple[Proposal, ...]:

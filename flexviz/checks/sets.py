@@ -44,12 +44,9 @@ def plausibility_warnings(
     """What a set's robot contradicts; nothing when stopped."""
     file = str(measurements.path / "measurements.toml")
     found = contradictions(measurements, progress, should_stop)
-    return [replace(issue_fact(issue), file=file) for issue in found]
-
-
-def issue_fact(issue: Issue) -> Fact:
-    """An issue as a fact."""
-    return Fact("contradiction", issue.severity, issue.joints, values={"issue": issue})
+    return [
+        Fact("contradiction", one.severity, one.joints, file=file, values={"issue": one}) for one in found
+    ]
 
 
 def recording_entries(
@@ -57,7 +54,7 @@ def recording_entries(
 ) -> tuple[RecordingEntry, ...]:
     """The same for documents."""
     return tuple(
-        RecordingEntry(one.kind, one.severity, one.joints, one.signal, dict(one.values), issue_fact(one).text)
+        RecordingEntry(one.kind, one.severity, one.joints, one.signal, dict(one.values), str(one))
         for one in contradictions(measurements, ignore, should_stop or never)
     )
 

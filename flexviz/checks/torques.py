@@ -96,8 +96,12 @@ def _issue(
         any(other.kind != move.kind for other in alike)
         or move.kind in DOUBTFUL
         or not _supported(comparison, now, move)
-        # of an unstated payload only the mass is known: the torque of wrists may have any size
-        or (move.kind == "size" and any("mass" in other.values for other in best.moves))
+        # of an unstated payload only the mass is known: the torque of a wrist may have any size
+        or (
+            move.kind == "size"
+            and len(move.joints) < len(names)
+            and any("mass" in other.values for other in best.moves)
+        )
     )
     severity: Severity = "odd" if doubtful else "wrong"
     others = [_of(mapping, other, severity) for other in alike if other.name not in ("scale", "q")]

@@ -45,7 +45,7 @@ def test_a_group_counts_where_any_joint_moves(
     assert kept.fit_groups == given.fit_groups
     assert set(demo.validation_groups) <= set(kept.validation_groups)
     assert (len(kept.groups) == len(given.groups)) == counts
-    assert [note.kind for note in notes] == ([] if counts else ["other"])
+    assert [note.kind for note in notes] == ([] if counts else ["groups-at-rest"])
     assert counts or "the robot stands still" in notes[0].text
 
 

@@ -105,10 +105,13 @@ def test_identification_can_be_stopped_everywhere(demo):
 
 
 def test_comparison_with_the_masses_reports_and_stops(demo):
+    def anew() -> MeasurementSet:  # what was found of a set is kept
+        return replace(demo, groups=tuple(replace(group) for group in demo.groups))
+
     news: list[Progress] = []
-    assert plausibility_warnings(demo, news.append) == []
+    assert plausibility_warnings(anew(), news.append) == []
     assert len(news) > 10 and {one.text for one in news} == {"comparing the torques with the robot's masses"}
     count = len(news)
     news.clear()
-    assert plausibility_warnings(demo, news.append, lambda: len(news) >= count // 2) == []
+    assert plausibility_warnings(anew(), news.append, lambda: len(news) >= count // 2) == []
     assert len(news) == count // 2

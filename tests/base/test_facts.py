@@ -51,10 +51,6 @@ def advice():
     assert len(list(sentences(module))) == 2
 
 
-SPEAK = {"data/importing"}
-"""Computing rooms that still import wording."""
-
-
 def test_computing_rooms_do_not_know_words() -> None:
     found = {
         unit(path)
@@ -62,7 +58,7 @@ def test_computing_rooms_do_not_know_words() -> None:
         for name, _ in imports(path)
         if name.startswith("flexviz.content.wording")
     }
-    assert {room for room in found if room.partition("/")[0] in COMPUTING} <= SPEAK
+    assert not {room for room in found if room.partition("/")[0] in COMPUTING}
 
 
 def kinds() -> dict[str, str]:

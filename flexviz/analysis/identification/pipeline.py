@@ -105,7 +105,7 @@ def identify(
         *result.facts, *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model),
         *torques_without_signal(measurements), *saturated_torques(measurements),
     )  # fmt: skip
-    result = replace(result, facts=facts, recording=recording_entries(measurements, should_stop))
+    result = replace(result, facts=facts, recording=recording_entries(measurements))
     return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback
 from flexviz.base.statistics import NORMAL_95
 from flexviz.checks import Issue
-from flexviz.content.wording import issue_message
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import clock_offsets, in_ms
 from flexviz.data.importing.draft import Draft, Questions
@@ -43,11 +42,11 @@ def correct(
         remaining = check_all(mapping, robot, {"none": ()}, groups, guessed=True)
         certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]
         for issue in certain:
-            draft.apply(issue.fixes, issue_message(issue))
+            draft.apply(issue.fixes, issue.message)
         if not certain and not ask_for_scales(draft, remaining, asked):
             break
     # what a certain issue needs was applied; of an odd one the user decides
-    draft.proposals = [(proposal, issue_message(issue)) for issue in remaining for proposal in issue.remedies]
+    draft.proposals = [(proposal, issue.message) for issue in remaining for proposal in issue.remedies]
     return remaining
 
 

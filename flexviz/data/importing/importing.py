@@ -14,7 +14,6 @@ from flexviz.base.facts import Fact
 from flexviz.base.files import named_errors, temporary_folder, whole_folder
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.checks import Issue
-from flexviz.content.wording import issue_message
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import (
     ClockOffset,
@@ -295,7 +294,7 @@ def issue_json(issue: Issue) -> dict[str, Any]:
         "severity": issue.severity,
         "joints": list(issue.joints),
         "signal": issue.signal,
-        "message": issue_message(issue),
+        "message": issue.message,
         "values": dict(issue.values),
         "fixes": [asdict(fix) for fix in issue.fixes],
         "proposals": [asdict(proposal) for proposal in issue.proposals],

@@ -8,7 +8,7 @@ from flexviz.base.errors import choose_from
 from flexviz.base.facts import Fact
 from flexviz.base.spelling import plural
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.issues import issue_text
+from flexviz.content.wording.issues import issue_message
 
 
 def first_file(files: Sequence[str]) -> str:
@@ -113,7 +113,13 @@ def set_changed(fact: Fact) -> str:
 @says("contradiction")
 def contradiction(fact: Fact) -> str:
     """What the robot contradicts."""
-    return issue_text(fact.values["issue"])
+    return str(fact.values["issue"])
+
+
+@says("issue")
+def issue(fact: Fact) -> str:
+    """What looks wrong or odd in a recording, without its signal and joints."""
+    return issue_message(fact.values["issue"])
 
 
 @says("comparing-torques")
