@@ -1,6 +1,6 @@
 """A recording compared with its robot: what is wrong with its columns, its samples and what is stated of it.
 
-Moves (`hypotheses`) and masks (`masks`) over one rigid model; the common search finds the most probable ones.
+One rigid model judges what may be wrong (`hypotheses`); the common search finds the most probable.
 """
 
 from flexviz.checks import hypotheses  # registers what may be wrong
@@ -15,6 +15,7 @@ from flexviz.checks.sets import (
     issues_of_set,
     plausibility_warnings,
     recording_entries,
+    warning_of,
     with_plausibility_warnings,
 )
 from flexviz.checks.thresholds import LIMITS
@@ -37,5 +38,6 @@ __all__ = [
     "issues_of_set",
     "plausibility_warnings",
     "recording_entries",
+    "warning_of",
     "with_plausibility_warnings",
 ]

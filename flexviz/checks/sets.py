@@ -6,7 +6,8 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from weakref import WeakKeyDictionary
+from typing import Any
+from weakref import WeakKeyDictionary, ref
 
 from threadpoolctl import threadpool_limits
 
@@ -17,11 +18,11 @@ from flexviz.checks.issues import Issue
 from flexviz.content.records import RecordingEntry
 from flexviz.content.wording import issue_message, issue_text
 from flexviz.data.logs import parse_mapping
-from flexviz.data.measurements import Group, GroupTable, MeasurementSet
+from flexviz.data.measurements import FILE_NAME, Group, GroupTable, MeasurementSet
 
 log = logging.getLogger(__name__)
-# first group -> all groups of a set, and what was found: other settings of a set change nothing of it
-_FOUND: WeakKeyDictionary[Group, tuple[list[int], tuple[Issue, ...]]] = WeakKeyDictionary()
+# first group -> robot and groups of a set, and what was found: its other settings change nothing of it
+_FOUND: WeakKeyDictionary[Group, tuple[list[ref[Any]], tuple[Issue, ...]]] = WeakKeyDictionary()
 Issue.words = issue_message
 COMPARING = "comparing the torques with the robot's masses"
 
@@ -43,9 +44,13 @@ def plausibility_warnings(
     measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> list[str]:
     """What a set's robot contradicts, in words; nothing when stopped."""
-    file = measurements.path / "measurements.toml"
     found = contradictions(measurements, progress, should_stop)
-    return [f"{file}: {issue_text(issue)}" for issue in found]
+    return [warning_of(measurements, issue_text(issue)) for issue in found]
+
+
+def warning_of(measurements: MeasurementSet, message: str) -> str:
+    """A message on a set with the file that it is about, as in the set's warnings."""
+    return f"{measurements.path / FILE_NAME}: {message}"
 
 
 def recording_entries(
@@ -62,8 +67,8 @@ def contradictions(
     measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> tuple[Issue, ...]:
     """What a set's robot contradicts, found once per set; nothing when stopped."""
-    first, groups = measurements.groups[0], [id(group) for group in measurements.groups]
-    if first not in _FOUND or _FOUND[first][0] != groups:
+    first, parts = measurements.groups[0], [ref(measurements.robot), *map(ref, measurements.groups)]
+    if first not in _FOUND or _FOUND[first][0] != parts:
 
         def watch() -> None:
             progress(Progress(COMPARING))
@@ -75,7 +80,7 @@ def contradictions(
                 issues = issues_of_set(measurements, watch=watch)
         except Cancelled:
             return ()
-        _FOUND[first] = groups, tuple(issue for issue in issues if issue.severity == "wrong")
+        _FOUND[first] = parts, tuple(issue for issue in issues if issue.severity == "wrong")
     return _FOUND[first][1]
 
 

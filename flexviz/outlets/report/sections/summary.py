@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.analysis.diagnosis import Step
+from flexviz.checks import warning_of
 from flexviz.content import wording
 from flexviz.content.results import hints
 from flexviz.model.effects import free_curve
@@ -125,8 +126,9 @@ def warnings(content: ReportContent) -> list[str]:
     out += hints(content.parameters)
     if not content.changed:
         result = content.identification or content.diagnosis
-        contradicted = [entry.message for entry in result.recording] if result is not None else []
-        told = dict.fromkeys([*content.measurements.warnings, *contradicted])
+        entries = result.recording if result is not None else ()
+        contradicted = (warning_of(content.measurements, entry.message) for entry in entries)
+        told = dict.fromkeys((*content.measurements.warnings, *contradicted))
         out += [_sentence(warning, (warning,)) for warning in told]
     return out
 
