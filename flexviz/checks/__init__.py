@@ -1,6 +1,6 @@
 """A recording compared with its robot: what is wrong with its columns, its samples and what is stated of it.
 
-Moves (`hypotheses`) and masks (`masks`) over one rigid model; the common search finds the most probable ones.
+One rigid model judges what may be wrong (`hypotheses`); the common search finds the most probable.
 """
 
 from flexviz.checks import hypotheses  # registers what may be wrong

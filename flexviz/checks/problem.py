@@ -40,7 +40,7 @@ class Found:
 
 
 class Readings:
-    """The models of one recording; `kinds`: what may be wrong, or all if None."""
+    """The models of one recording; `start`: the reading in which nothing is wrong."""
 
     name = "readings"
 

@@ -26,6 +26,7 @@ class Reading:
         gravity, load, motion: whether τ has the torque of the robot's gravity, the payload's, the motion.
         magnitude: whether τ lost its sign: it has that of the robot's masses.
         bodies: of each group, the payload that it carried.
+        added: (groups,) [kg] what it carried besides, see `Comparison.kilogram`.
         drive: (n, n) joint angles = drive · motor angles, where τ is the motors'.
         theta_too: whether θ is the motors', too.
         converted: whether τ was converted to the joints already: only friction is the motors'.
@@ -41,6 +42,7 @@ class Reading:
     tau_order: tuple[int, ...]
     down: tuple[float, float, float]
     bodies: tuple[tuple[PayloadBody, ...], ...]
+    added: Array
     gravity: bool = True
     load: bool = True
     motion: bool = True
@@ -55,4 +57,5 @@ class Reading:
         n, order, ones = robot.n, tuple(range(robot.n)), np.ones(robot.n)
         zero, late, free = np.zeros((len(bodies), n)), np.zeros(n), np.zeros(n, bool)
         carried = tuple(map(tuple, bodies))
-        return Reading(ones, zero, ones, ones, late, free, order, order, robot.gravity, carried)
+        added = np.zeros(len(bodies))
+        return Reading(ones, zero, ones, ones, late, free, order, order, robot.gravity, carried, added)

@@ -97,6 +97,13 @@ class Comparison:
         ]
 
     @cached_property
+    def kilogram(self) -> PayloadBody:
+        """A small body of 1 kg at the last link: where a stated payload is, else at the link's origin."""
+        stated = [body for bodies in self.bodies for body in bodies]
+        link, com = (stated[-1].link, stated[-1].com) if stated else (self.robot.links[-1], np.zeros(3))
+        return PayloadBody(link, 1.0, com, np.zeros(6))
+
+    @cached_property
     def usable(self) -> bool:
         """Whether the robot has masses and the motion is long enough to prove anything."""
         try:
@@ -251,9 +258,12 @@ class Comparison:
                 rigid = self._cached(place, axis, None, motion, slice(0, None))
                 result[1 if axis is None else 0] += weight * rigid
             if reading.motion if axis is None else reading.load:
-                for bodies, rows in zip(carried, groups, strict=True):
+                for bodies, mass, rows in zip(carried, reading.added, groups, strict=True):
                     if bodies:
                         result[2, rows] += weight * self._cached(place, axis, bodies, motion, rows)
+                    if mass:
+                        one = self._cached(place, axis, (self.kilogram,), motion, rows)
+                        result[2, rows] += weight * mass * one
         return result
 
     def _cached(

@@ -6,7 +6,8 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from weakref import WeakKeyDictionary
+from typing import Any
+from weakref import WeakKeyDictionary, ref
 
 from threadpoolctl import threadpool_limits
 
@@ -17,11 +18,11 @@ from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
 from flexviz.content.records import RecordingEntry
 from flexviz.data.logs import parse_mapping
-from flexviz.data.measurements import Group, GroupTable, MeasurementSet
+from flexviz.data.measurements import FILE_NAME, Group, GroupTable, MeasurementSet
 
 log = logging.getLogger(__name__)
-# first group -> all groups of a set, and what was found: other settings of a set change nothing of it
-_FOUND: WeakKeyDictionary[Group, tuple[list[int], tuple[Issue, ...]]] = WeakKeyDictionary()
+# first group -> robot and groups of a set, and what was found: its other settings change nothing of it
+_FOUND: WeakKeyDictionary[Group, tuple[list[ref[Any]], tuple[Issue, ...]]] = WeakKeyDictionary()
 COMPARING = Fact("comparing-torques")
 
 
@@ -42,7 +43,7 @@ def plausibility_warnings(
     measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> list[Fact]:
     """What a set's robot contradicts; nothing when stopped."""
-    file = str(measurements.path / "measurements.toml")
+    file = str(measurements.path / FILE_NAME)
     found = contradictions(measurements, progress, should_stop)
     return [
         Fact("contradiction", one.severity, one.joints, file=file, values={"issue": one}) for one in found
@@ -63,8 +64,8 @@ def contradictions(
     measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> tuple[Issue, ...]:
     """What a set's robot contradicts, found once per set; nothing when stopped."""
-    first, groups = measurements.groups[0], [id(group) for group in measurements.groups]
-    if first not in _FOUND or _FOUND[first][0] != groups:
+    first, parts = measurements.groups[0], [ref(measurements.robot), *map(ref, measurements.groups)]
+    if first not in _FOUND or _FOUND[first][0] != parts:
 
         def watch() -> None:
             progress(Progress(COMPARING.text))
@@ -76,7 +77,7 @@ def contradictions(
                 issues = issues_of_set(measurements, watch=watch)
         except Cancelled:
             return ()
-        _FOUND[first] = groups, tuple(issue for issue in issues if issue.severity == "wrong")
+        _FOUND[first] = parts, tuple(issue for issue in issues if issue.severity == "wrong")
     return _FOUND[first][1]
 
 

@@ -105,6 +105,7 @@ def _issue(
     )
     severity: Severity = "odd" if doubtful else "wrong"
     others = [_of(mapping, other, severity) for other in alike if other.name not in ("scale", "q")]
+    others = [replace(one, values={**one.values, "all_joints": len(names)}) for one in others]
     issue = _of(mapping, move, severity)
     return replace(issue, values={**issue.values, **facts}, alike=tuple(others))
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from flexviz.checks import Case, Fault, issues_of_set
+from flexviz.base.progress import Progress
+from flexviz.checks import Case, Fault, contradictions, issues_of_set
 from flexviz.checks.reading import Reading
 from flexviz.content.wording import issue_text
 from flexviz.data.measurements import MeasurementSet
@@ -37,3 +38,13 @@ def test_a_kind_of_fault_is_one_file(monkeypatch: pytest.MonkeyPatch, demo: Meas
     (issue,) = issues_of_set(replace(demo, groups=groups))
     assert issue.kind == "summed_twice" and issue.joints == demo.joints
     assert "with summed twice the robot's masses explain" in issue_text(issue)
+
+
+def test_what_is_found_belongs_to_robot_and_groups(demo: MeasurementSet) -> None:
+    """Another robot, or other groups, are compared anew; other settings are not."""
+    upside_down = replace(demo, robot=demo.robot.mounted((0.0, 0.0, 9.81)))
+    assert [one.kind for one in contradictions(upside_down)] == ["mounting"]
+    assert contradictions(demo) == ()
+    news: list[Progress] = []
+    assert contradictions(replace(demo, effects=("coulomb_friction",)), news.append) == () and not news
+    assert contradictions(replace(demo, groups=demo.groups[:2]), news.append) == () and news

@@ -105,12 +105,9 @@ def per_cent(case: Case) -> Iterator[Fault]:
         return
     sizes = (robot.upper_limit - robot.lower_limit) / (2 * FULL)
     middle = (robot.upper_limit + robot.lower_limit) / 2
-    fixes = tuple(
-        Fix(name, "theta", key, round(float(value), 6))
-        for name, size, offset in zip(names, sizes, middle, strict=True)
-        for key, value in (("unit", size), ("offset", offset))
-        if key == "unit" or abs(offset) > LIMITS.model_error
-    )
+    stated = (("unit", sizes), ("offset", middle))
+    every = [(name, key, round(float(x[j]), 6)) for j, name in enumerate(names) for key, x in stated]
+    fixes = tuple(Fix(name, "theta", key, value) for name, key, value in every if value != 0.0)
 
     def of_range(now: Reading) -> Reading:
         return replace(now, factor=now.factor * sizes / np.abs(scales), zero=now.zero + middle)

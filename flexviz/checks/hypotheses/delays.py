@@ -26,8 +26,7 @@ def delays(case: Case) -> Iterator[Fault]:
         def moved(now: Reading, j: int = j, late: float = late) -> Reading:
             return _late(case, now, j, late)
 
-        prior = float(-np.log(len(LATE)))
-        yield Fault("delay", (j,), "tau", moved, prior=prior, values={"delay": late})
+        yield Fault("delay", (j,), "tau", moved, values={"delay": late})
 
 
 def _late(case: Case, now: Reading, j: int, late: float) -> Reading:

@@ -14,7 +14,6 @@ from flexviz.robot.robot import PayloadBody
 
 LEAST, LARGEST, TRIED = 0.02, 1.0, 8  # masses that are tried, in units of the robot's own
 HALVINGS = 3  # of the ratio of two of them
-POINT = np.zeros(6)  # [kg m²] inertia of a small body
 
 
 @hypothesis
@@ -44,24 +43,23 @@ def forgotten(case: Case) -> Iterator[Fault]:
 
     One that all groups carry is like another mass of the link itself, and is identified with it.
     """
-    now, stated, names = case.now.bodies, case.comparison.bodies, case.comparison.names
-    if not case.payloads_known or sum(a == b for a, b in zip(now, stated, strict=True)) < 2:
+    if not case.payloads_known or np.count_nonzero(case.now.added == 0.0) < 2:
         return
-    for g, name in enumerate(names):
+    for g, name in enumerate(case.comparison.names):
         mass = _likely_mass(case, g)
 
         def carried(now: Reading, mass: float = mass, g: int = g) -> Reading:
-            return _carrying(case, now, mass, g)
+            return _carrying(now, mass, g)
 
-        values, prior = {"groups": (name,), "mass": mass}, float(-np.log(TRIED))
-        yield Fault("payload", case.every, "payloads", carried, name, prior=prior, values=values, groups=(g,))
+        values = {"groups": (name,), "mass": mass}
+        yield Fault("payload", case.every, "payloads", carried, name, values=values, groups=(g,))
 
 
 def _likely_mass(case: Case, group: int) -> float:
     """The mass that explains the torques of a group best [kg]."""
 
     def score(mass: float) -> float:
-        return case.comparison.score(_carrying(case, case.now, mass, group))
+        return case.comparison.score(_carrying(case.now, mass, group))
 
     least = float(np.sum(case.comparison.robot.cad_parameters[:, 0])) * LEAST
     ratio = (LARGEST / LEAST) ** (1 / (TRIED - 1))
@@ -72,17 +70,6 @@ def _likely_mass(case: Case, group: int) -> float:
     return float(best)
 
 
-def _carrying(case: Case, now: Reading, mass: float, group: int) -> Reading:
+def _carrying(now: Reading, mass: float, group: int) -> Reading:
     """A group with a mass more."""
-    more = (*now.bodies[group], _at_the_end(case, mass))
-    before, after = now.bodies[:group], now.bodies[group + 1 :]
-    return replace(now, bodies=(*before, more, *after))
-
-
-def _at_the_end(case: Case, mass: float) -> PayloadBody:
-    """A small body at the last link: where a stated payload is, else at the link's origin."""
-    link = case.comparison.robot.links[-1]
-    known = [body for bodies in case.now.bodies for body in bodies]
-    if known:
-        return PayloadBody(known[-1].link, mass, known[-1].com, POINT)
-    return PayloadBody(link, mass, np.zeros(3), POINT)
+    return replace(now, added=now.added + mass * (np.arange(len(now.added)) == group))

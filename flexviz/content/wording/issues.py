@@ -134,7 +134,7 @@ def _other_cause(other: IssueLike, told: IssueLike) -> str:
     """What explains the torques as well, in a few words."""
     if other.values.get("converted"):
         return "tau was converted already and only the friction is coupled"
-    same = set(other.joints) == set(told.joints) or len(other.joints) == other.values.get("all", 0)
+    same = set(other.joints) == set(told.joints) or len(other.joints) == other.values["all_joints"]
     whose = "" if same else f" of {listed(list(other.joints))}"
     return f"{reason(other)} of {other.signal}{whose}" if other.fixes else reason(other)
 

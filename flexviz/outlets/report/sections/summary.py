@@ -128,8 +128,10 @@ def warnings(content: ReportContent) -> list[str]:
     out += hints(content.parameters)
     if not content.changed:
         result = content.identification or content.diagnosis
-        contradicted = [entry.message for entry in result.recording] if result is not None else []
-        told = dict.fromkeys([*map(str, content.measurements.warnings), *contradicted])
+        entries = result.recording if result is not None else ()
+        known = {"contradiction"} if entries else set()
+        other = [str(fact) for fact in content.measurements.warnings if fact.kind not in known]
+        told = dict.fromkeys((*(entry.message for entry in entries), *other))
         out += [_sentence(warning, (warning,)) for warning in told]
     return out
 
