@@ -63,7 +63,9 @@ def recording_entries(
 def contradictions(
     measurements: MeasurementSet, progress: ProgressCallback = ignore, should_stop: StopCallback = never
 ) -> tuple[Issue, ...]:
-    """What a set's robot contradicts, found once per set; nothing when stopped."""
+    """What a set's robot contradicts, found once per set; nothing when stopped, or without a torque."""
+    if measurements.drive is not None:
+        return ()
     first, parts = measurements.groups[0], [ref(measurements.robot), *map(ref, measurements.groups)]
     if first not in _FOUND or _FOUND[first][0] != parts:
 

@@ -9,6 +9,7 @@ from flexviz.data.measurements.data import (
     Group,
     Segment,
 )
+from flexviz.data.measurements.drive import Drive
 from flexviz.data.measurements.group_reading import read_payloads, read_robot
 from flexviz.data.measurements.group_table import GroupTable
 from flexviz.data.measurements.holds import HoldGroup, Holds, find_holds
@@ -49,6 +50,7 @@ __all__ = [
     "SUFFIXES",
     "Array",
     "Clamped",
+    "Drive",
     "FileHash",
     "Fingerprint",
     "Group",

@@ -13,6 +13,7 @@ import numpy as np
 from flexviz.base.errors import FlexvizError, InputError, choose_from
 from flexviz.base.facts import Fact
 from flexviz.data.measurements.data import OPTIONAL_SIGNALS, Array, Group
+from flexviz.data.measurements.drive import Drive, check_goals
 from flexviz.data.measurements.schema import Body, GroupEntry, SetHeader
 from flexviz.data.measurements.segments import SHORTEST, Segmented, check_time, make_segments
 from flexviz.data.measurements.tables import Table, require
@@ -105,15 +106,16 @@ def read_group(
     warn: Callable[[Fact], None],
     clocks: dict[Path, Segmented],
     no_torque: Sequence[str] = (),
+    drive: Drive | None = None,
 ) -> Group:
     """Read and check one group; what was done to its clock is added to `clocks`.
 
-    τ of the joints in `no_torque` is not read: it is zero.
+    τ of the joints in `no_torque` is not read: it is zero. With a `drive` it is how far the goal is ahead.
     """
     n, joints, file = robot.n, robot.joints, source.file
     present = source.names
     signal = [("theta", joint) for joint in joints]
-    signal += [("tau", joint) for joint in joints if joint not in no_torque]
+    signal += [("theta_ref" if drive else "tau", joint) for joint in joints if joint not in no_torque]
     needed = [f"{kind}_{joint}" for kind, joint in signal]
     require(present, ["time", *needed], file)
     # a joint called joint_1 has tau_joint_1: not the torque sensor of a joint called 1
@@ -122,9 +124,14 @@ def read_group(
     optional = [name for name in places if name in present and name not in {*needed, *own}]
     table = source.read(["time", *needed, *optional])
     time, others = table[:, 0], table[:, 1 + len(needed) :]
-    places_of = [joints.index(joint) + n * (kind == "tau") for kind, joint in signal]
+    places_of = [joints.index(joint) + n * (kind != "theta") for kind, joint in signal]
     signals = spread_out(table[:, 1 : 1 + len(needed)], places_of, 2 * n)
     check_time(time, file)
+    goals = None
+    if drive is not None:
+        goals, signals = signals[:, n:], signals.copy()
+        check_goals(goals, signals[:, :n], joints, file)
+        signals[:, n:] -= signals[:, :n]
 
     def warn_here(fact: Fact) -> None:
         warn(replace(fact, file=str(file)))
@@ -135,7 +142,8 @@ def read_group(
     units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
     units.check_time()
     units.check_theta()
-    units.check_tau(stiffness)
+    if drive is None:
+        units.check_tau(stiffness)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(Fact("constant-column", "odd", columns=(name,)))
@@ -147,6 +155,7 @@ def read_group(
         measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
         check_optional(name, column, measured, file, warn_in_words)
     compared = by_kind([places[name] for name in optional], others, n)
+    compared |= {} if goals is None else {"theta_ref": goals}
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:
         warn_here(Fact("samples-not-used", "odd", values={"count": found.dropped, "least": SHORTEST}))

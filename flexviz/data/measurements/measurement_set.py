@@ -19,6 +19,7 @@ from flexviz.base.names import names_of
 from flexviz.base.units import joint_units
 from flexviz.data.measurements.array_tables import array_tables
 from flexviz.data.measurements.data import Array, Fingerprint, Group, Segment, present_fingerprint
+from flexviz.data.measurements.drive import Drive
 from flexviz.data.measurements.group_reading import (
     check_signals,
     clock_facts,
@@ -82,6 +83,7 @@ class MeasurementSet:
         torque: what τ is: "motor", or "joint" if it was measured behind the gears; None: the data decide.
         rigid: joints without elasticity, q = θ.
         no_torque: joints whose τ is no signal and therefore zero here: they move, but it is not fitted.
+        drive: servos that follow goals; τ is then how far the goal is ahead [rad]. None: τ was recorded.
     """
 
     path: Path
@@ -104,6 +106,7 @@ class MeasurementSet:
     rigid: tuple[str, ...] = ()
     no_torque: tuple[str, ...] = ()
     holds: tuple[HoldGroup, ...] = ()
+    drive: Drive | None = None
 
     @staticmethod
     def from_arrays(
@@ -184,7 +187,9 @@ class MeasurementSet:
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """Unit of each joint's torque, "N" where it slides; empty if all are in Nm."""
+        """Unit of each joint's torque, "N" where it slides; empty if all are in Nm; "rad" of goals."""
+        if self.drive is not None:
+            return joint_units("rad", self.robot.prismatic)
         slides = self.robot.prismatic
         return joint_units("Nm", slides) if slides.any() else ()
 
@@ -283,9 +288,10 @@ def checked_set(
 ) -> MeasurementSet:
     """The set of a checked `content` with the tables of its groups; `file` is what errors call it."""
     stiffness, silent = values(content.initial.stiffness), content.model.no_torque
+    drive = Drive.of(content.drive, len(content.joints))
     clocks: dict[Path, Segmented] = {}
     groups = tuple(
-        read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks, silent)
+        read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks, silent, drive)
         for entry, table in zip(content.groups, tables, strict=True)
         if entry.kind == "motion"
     )
@@ -310,6 +316,7 @@ def checked_set(
         warnings=tuple(warn),
         date=content.date,
         torque=content.torque,
-        rigid=tuple(content.model.rigid),
+        rigid=tuple(content.model.rigid if drive is None else content.joints),  # no goal shows elasticity
         no_torque=tuple(content.model.no_torque),
+        drive=drive,
     )

@@ -68,6 +68,33 @@ class Controller(StrictTable):
     kd: list[Gain]  # [Nm s/rad]
 
 
+class DriveTable(StrictTable):
+    """What drives the joints, where it is no recorded torque: the goals that their servos follow."""
+
+    origin: Annotated[Literal["goal"], Field(alias="from")]
+    kp: Annotated[list[Gain], BeforeValidator(lambda x: x if isinstance(x, list) else [x])] | None = None
+    same: list[Annotated[list[Text], Field(min_length=2)]] = Field(default_factory=list)
+
+    def check_joints(self, joints: Sequence[str], file: Path) -> None:
+        """InputError for a gain that is missing or zero, or a joint that does not exist or is listed twice."""
+        if self.kp is not None:
+            if len(self.kp) not in (1, len(joints)):
+                found = f"{len(self.kp)} values for {len(joints)} joints"
+                message = f"{found}, expected one per joint ({len(joints)}) or one for all"
+                raise InputError(message, file=file, place="drive.kp")
+            if min(self.kp) <= 0.0:
+                message = f"found {min(self.kp):g}, expected a gain above zero [Nm/rad]; leave it out if unknown"
+                raise InputError(message, file=file, place="drive.kp")
+        named = [name for names in self.same for name in names]
+        for name in named:
+            if name not in joints:
+                message = f'joint "{name}" is not in the set; {choose_from(name, joints)}'
+                raise InputError(message, file=file, place="drive.same")
+        if twice := first_repeated(named):
+            message = f'"{twice}" is listed twice, expected each joint with one servo'
+            raise InputError(message, file=file, place="drive.same")
+
+
 class StartingModel(StrictTable):
     """What the model of the robot starts with."""
 
@@ -159,6 +186,7 @@ class SetHeader(StrictTable):
     date: Recorded = None
     initial: Initial = Initial()
     controller: Controller | None = None
+    drive: DriveTable | None = None
     model: StartingModel = StartingModel()
     payloads: dict[str, Payload] = Field(default_factory=dict)
 
@@ -220,6 +248,8 @@ def parse(data: dict[str, Any], file: Path) -> MeasurementFile:
     content = validate(MeasurementFile, data, file, FORMAT)
     content.check_lengths(len(content.joints), file)
     content.model.check_joints(content.joints, file)
+    if content.drive is not None:
+        content.drive.check_joints(content.joints, file)
     check_names(content, file)
     for index, group in enumerate(content.groups):
         place = f'group {index + 1} "{group.name}"'

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from flexviz.base.errors import InputError
 from flexviz.base.files import named_errors, sha256_of
 from flexviz.base.schemas import first_repeated
@@ -42,12 +44,15 @@ def contents_of(measurements: MeasurementSet) -> SetContents:
         require_read(one, hold.file)
     groups = [GroupTable.of(group) for group in one.groups]
     groups += [GroupTable.of_holds(group, one.joints) for group in one.holds]
+    if one.drive is not None:  # its table has goals and no torque
+        groups = [replace(group, tau=np.full_like(group.tau, np.nan)) for group in groups]
     if first_repeated(group.file for group in groups if group.file):  # of several folders
         groups = [replace(group, file=None) for group in groups]
     properties = SetProperties(
         gravity=one.robot.gravity, torque_hold=one.torque_hold, initial_stiffness=one.initial_stiffness,
         initial_motor_inertia=one.initial_motor_inertia, kp=one.kp, kd=one.kd, effects=one.effects,
         date=one.date, torque=one.torque, rigid=one.rigid, no_torque=one.no_torque,
+        drive=one.drive and one.drive.document(),
     )  # fmt: skip
     return SetContents(robot, tuple(groups), files, properties)
 

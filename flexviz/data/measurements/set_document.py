@@ -27,6 +27,7 @@ class SetProperties(TypedDict, total=False):
     torque: TorqueSide | None  # what τ is; None: the data decide
     rigid: str | Sequence[str]  # joints without elasticity
     no_torque: str | Sequence[str]  # joints whose τ is no signal
+    drive: Mapping[str, Any] | None  # "from", "kp", "same": joints that follow goals
 
 
 def set_document(
@@ -46,6 +47,7 @@ def set_document(
     torque: TorqueSide | None = None,
     rigid: str | Sequence[str] = (),
     no_torque: str | Sequence[str] = (),
+    drive: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The document; `groups` are its entries, everything else is as in `SetProperties`."""
     optional = {
@@ -62,6 +64,7 @@ def set_document(
         **({} if torque is None else {"torque": torque}),
         **({} if date is None else {"date": date}),
         **{name: lists for name, lists in optional.items() if lists},
+        **({} if drive is None else {"drive": dict(drive)}),
         "model": {"effects": [*names_of(effects)], **some},
         "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
         "groups": list(groups),

@@ -31,6 +31,11 @@ EFFECT_NAMES: tuple[str, ...] = (
     "external_contact",
     "motor_coupling",
     "coupled_friction",
+    "position_control",
+    "goal_delay",
+    "goal_lag",
+    "goal_speed_limit",
+    "dead_band",
 )
 
 EFFECT_FAMILIES: dict[str, tuple[str, ...]] = {

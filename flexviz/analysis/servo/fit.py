@@ -1,0 +1,234 @@
+"""Fits of joints that follow goals: the free motion from the goals against the measured one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexviz.base.arrays import Array, Bools
+
+
+from flexviz.model.servo import LOG, SHARED, SIZE, DrivenMotion, free_motion
+
+AT_ONCE = 48  # joints' models that are simulated together
+SHIFT = 0.01  # of a logarithm, or of a usual size: by which a derivative is taken
+DAMPING = 1e-2, 0.2, 8.0  # at first; after a step that helps, and after one that does not
+FARTHEST = 1.5  # [-] a step of a logarithm
+
+
+@dataclass(frozen=True, eq=False)
+class ServoFit:
+    """A model of all joints, fitted.
+
+    Attributes:
+        free: (P, n) parameters that are fitted.
+        values: (P, n).
+        error: (T, n, C) simulated less measured angle [rad].
+        hessian: (n, P, P), of each joint's ½ Σ e²/σ², by what is fitted (a logarithm, a size).
+        variance: (n,) mean square over the fit groups [rad²].
+    """
+
+    free: Bools
+    values: Array
+    error: Array
+    hessian: Array
+    gradient: Array
+    variance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ServoData:
+    """What a fit is of.
+
+    Attributes:
+        motion: measured.
+        fitted: (C,) stretches of the fit groups.
+        owner: (n,) index of the first joint that has the same servo.
+        center, spread: (P, n) of the prior, of what is fitted.
+        unit: (P, n) usual sizes.
+    """
+
+    motion: DrivenMotion
+    fitted: Bools
+    owner: Array
+    center: Array
+    spread: Array
+    unit: Array
+
+    @cached_property
+    def own(self) -> DrivenMotion:
+        """Of the fit groups."""
+        return self.motion.part(self.fitted)
+
+    @cached_property
+    def rest(self) -> DrivenMotion:
+        """Of the held-out groups."""
+        return self.motion.part(~self.fitted)
+
+    def place(self, free: Bools) -> Array:
+        """(P, n) number of the unknown that each parameter is; −1: it is given."""
+        own = np.arange(free.shape[0] * free.shape[1]).reshape(free.shape)
+        tied = np.where(SHARED[:, None], own[:, self.owner], own)
+        out = np.full(free.shape, -1)
+        out[free] = np.unique(tied[free], return_inverse=True)[1]
+        return out
+
+
+def to_inner(values: Array) -> Array:
+    """What is fitted: logarithms where parameters have them; leading axis P."""
+    log = LOG.reshape(-1, *[1] * (values.ndim - 1))
+    return np.where(log, np.log(np.where(log, values, 1.0)), values)
+
+
+def to_values(inner: Array) -> Array:
+    log = LOG.reshape(-1, *[1] * (inner.ndim - 1))
+    return np.where(log, np.exp(np.where(log, np.minimum(inner, 50.0), 0.0)), inner)
+
+
+def fit_servos(
+    data: ServoData, models: Sequence[tuple[Bools, Array]], iterations: int, weight: Array,
+    check: Callable[[], None] = lambda: None,
+) -> list[ServoFit]:
+    """Models (free, values) fitted: Gauss–Newton steps with damping for each joint, or joints of one servo.
+
+    `weight`: (n,) independent samples of each joint.
+    """
+    todo = [_Descent(data, free, values, weight) for free, values in models]
+    for k in range(iterations + 1):
+        batch: list[_Descent] = []
+        for one in todo:
+            if sum(len(b.variants) for b in batch) + len(one.variants) > AT_ONCE and batch:
+                _evaluate(data, batch)
+                batch = []
+            batch.append(one)
+            check()
+        _evaluate(data, batch)
+        for one in todo:
+            one.judge()
+            if k < iterations:
+                one.step()
+    return [one.result() for one in todo]
+
+
+def _evaluate(data: ServoData, batch: Sequence[_Descent]) -> None:
+    values = np.concatenate([one.points() for one in batch], axis=1)
+    theta, at = free_motion(data.own, values), 0
+    firsts = np.cumsum([0, *(len(one.variants) + 1 for one in batch)])[:-1]
+    held_out = free_motion(data.rest, values[:, firsts]) if len(data.rest.step) else None
+    for k, one in enumerate(batch):
+        count = len(one.variants) + 1
+        one.take(theta[at : at + count], None if held_out is None else held_out[k])
+        at += count
+
+
+class _Descent:
+    def __init__(self, data: ServoData, free: Bools, values: Array, weight: Array) -> None:
+        self.data, self.free, self.weight = data, free, weight
+        self.z = to_inner(values)
+        self.known = to_inner(values)
+        self.place = data.place(free)
+        self.n = free.shape[1]
+        self.variants = np.flatnonzero(free.any(axis=1))
+        self.damping = np.full(self.n, DAMPING[0])
+        self.best: tuple | None = None
+        self.shift = np.where(LOG[:, None], SHIFT, SHIFT * data.unit)
+        self.used = used = data.own.used
+        self.count = np.maximum(used.sum(axis=(0, 2)), 1)
+
+    def points(self) -> Array:
+        z = np.repeat(self.z[:, None], len(self.variants) + 1, axis=1)
+        for k, p in enumerate(self.variants):
+            z[p, k + 1] += self.shift[p] * self.free[p]
+        return to_values(z)
+
+    def take(self, theta: Array, held_out: Array | None) -> None:
+        data = self.data
+        away = theta[0] - data.own.theta
+        error = np.empty(data.motion.theta.shape)
+        error[..., data.fitted] = away
+        if held_out is not None:
+            error[..., ~data.fitted] = held_out - data.rest.theta
+        own = np.moveaxis(away * self.used, 1, 0).reshape(self.n, -1)
+        slopes = np.stack([
+            np.moveaxis((theta[k + 1] - theta[0]) * (self.used / self.shift[p][:, None]), 1, 0).reshape(self.n, -1)
+            for k, p in enumerate(self.variants)
+        ], axis=1)  # fmt: skip
+        hessian, gradient = np.zeros((self.n, len(self.free), len(self.free))), np.zeros((self.n, len(self.free)))
+        hessian[:, self.variants[:, None], self.variants] = slopes @ slopes.transpose(0, 2, 1)
+        gradient[:, self.variants] = np.einsum("jpk,jk->jp", slopes, own)
+        self.new = error, np.square(own).sum(axis=1) / self.count, hessian, gradient
+
+    def cost(self, variance: Array, z: Array) -> Array:
+        """(n,) of each joint [nats]: a joint's own data, and its prior."""
+        away = np.where(self.free, (np.where(self.free, z, 0.0) - self.data.center) / self.data.spread, 0.0)
+        return self.weight * 0.5 * np.log(variance) + 0.5 * np.square(away).sum(axis=0)
+
+    def judge(self) -> None:
+        """Keep the new point of the joints that it helps."""
+        error, variance, hessian, gradient = self.new
+        if self.best is None:
+            self.best = self.z.copy(), error, variance, hessian, gradient
+            return
+        z, old_error, old_variance, old_hessian, old_gradient = self.best
+        fall = self.cost(old_variance, z) - self.cost(variance, self.z)
+        together = np.array([fall[self.data.owner == o].sum() for o in self.data.owner])
+        better = together > 0
+        self.damping *= np.where(better, DAMPING[1], DAMPING[2])
+        pick = lambda new, old, axis: np.where(better.reshape([-1 if k == axis else 1 for k in range(new.ndim)]), new, old)  # noqa: E731
+        self.best = (
+            pick(self.z, z, 1), pick(error, old_error, 1), pick(variance, old_variance, 0),
+            pick(hessian, old_hessian, 0), pick(gradient, old_gradient, 0),
+        )  # fmt: skip
+
+    def system(self) -> tuple[Array, Array, Array]:
+        """Normal equations of all unknowns together, and what scales each joint's."""
+        z, _, variance, hessian, gradient = self.best
+        scale = self.weight / (self.count * variance)
+        count = int(self.place.max()) + 1
+        H, g = np.zeros((count, count)), np.zeros(count)
+        for j in range(self.n):
+            at = np.flatnonzero(self.place[:, j] >= 0)
+            to = self.place[at, j]
+            H[np.ix_(to, to)] += scale[j] * hessian[j][np.ix_(at, at)]
+            g[to] += scale[j] * gradient[j][at]
+            prior = self.data.spread[at, j] ** -2.0
+            H[to, to] += prior
+            g[to] += prior * (z[at, j] - self.data.center[at, j])
+        return H, g, scale
+
+    def step(self) -> None:
+        z = self.best[0]
+        H, g, _ = self.system()
+        count = len(g)
+        low = np.zeros(count, bool)
+        damping = np.zeros(count)
+        value = np.zeros(count)
+        for p, j in zip(*np.nonzero(self.place >= 0), strict=True):
+            value[self.place[p, j]] = z[p, j]
+            damping[self.place[p, j]] = self.damping[j]
+            low[self.place[p, j]] = SIZE[p]
+        held = low & (value <= 0) & (g > 0)
+        move = np.zeros(count)
+        for _ in range(3):
+            on = ~held
+            A = H[np.ix_(on, on)]
+            move[:] = 0.0
+            move[on] = -np.linalg.solve(A + np.diag(damping[on] * np.diag(A) + 1e-9 * np.diag(A).max()), g[on])
+            below = low & on & (value + move < 0) & (value <= 0)
+            if not below.any():
+                break
+            held |= below
+        new = z.copy()
+        at = self.place >= 0
+        change = np.where(at, move[np.maximum(self.place, 0)], 0.0)
+        change = np.where(LOG[:, None], np.clip(change, -FARTHEST, FARTHEST), change)
+        new += change
+        new = np.where(SIZE[:, None] & at, np.maximum(new, 0.0), new)
+        self.z = new
+
+    def result(self) -> ServoFit:
+        z, error, variance, hessian, gradient = self.best
+        return ServoFit(self.free, to_values(z), error, hessian, gradient, variance)

@@ -1,0 +1,369 @@
+"""Models of joints that follow goals, for the search: which effects each servo has, fitted by its free motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexviz.analysis.diagnosis.criterion import Criterion, ModelScore, criterion_of
+from flexviz.analysis.motion import MOTION, Residuals, deviations
+from flexviz.analysis.servo.fit import ServoData, ServoFit, fit_servos
+from flexviz.base.arrays import Array
+from flexviz.data.measurements import MeasurementSet
+from flexviz.data.noise import segments_noise
+from flexviz.model.effects import EFFECTS, ChosenEffect
+from flexviz.model.servo import (
+    CENTER, INDEX, NAMES, OWN, PARAMETERS, RIVALS, SERVO_EFFECTS, SHARED, START, TORQUE, DrivenMotion, absent,
+    driven_motion, free_motion, of_effect,
+)  # fmt: skip
+
+STEPS = 12  # of a fit from rough values
+TRIED, REFINED = 3, 5  # steps of every candidate, and of the best
+BEST = 3  # candidates of a joint that are refined
+BEYOND = 0.9  # share of the samples that a limit leaves alone from which its fit starts
+
+Keys = frozenset[ChosenEffect]
+Asked = tuple[int, Keys, Array]
+"""Owner, its effects, and the values (P, n) from which a fit starts."""
+
+
+@dataclass(frozen=True, eq=False)
+class ServoState:
+    """The joints of one servo, or one joint, with certain effects.
+
+    Attributes:
+        values: (P, n) of which the columns of these joints are valid.
+        deviation, held_out: (n,) likewise, what is left of all groups and of the held-out ones [rad].
+    """
+
+    values: Array
+    deviation: Array
+    held_out: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ServoModel:
+    """Effects of all joints; the fit of each servo is `states[owner]`."""
+
+    keys: Keys
+    states: dict[int, ServoState]
+
+    def values(self, owner: Array) -> Array:
+        """(P, n)."""
+        return np.stack([self.states[int(o)].values[:, j] for j, o in enumerate(owner)], axis=1)
+
+
+class ServoProblem:
+    """The models of one set.
+
+    Attributes:
+        name: of the resolution, as documents name it.
+        data: what is fitted.
+        criterion: J of every model.
+    """
+
+    name = "coarse"
+
+    def __init__(
+        self, measurements: MeasurementSet, check: Callable[[], None] = lambda: None, given: Keys = frozenset()
+    ) -> None:
+        self.measurements, self.check, self.given = measurements, check, given
+        motion = driven_motion(measurements)
+        held = np.array([measurements.groups[g].validation for g in motion.group])
+        self.noise = segments_noise([s for g in measurements.groups for s in g.segments])[0]
+        used = motion.used
+        away = np.square(motion.goal - motion.theta) * used
+        self.spread = np.sqrt(away.sum(axis=(0, 2)) / np.maximum(used.sum(axis=(0, 2)), 1))  # [rad]
+        self.torque = START[INDEX["gain"]] * self.spread  # [Nm] that joints usually have
+        unit, center, spread = self.scales(motion)
+        self.data = ServoData(motion, ~held, owners(measurements), center, spread, unit)
+        self.least = np.hypot(self.noise, MOTION.tolerance * self.spread)
+        self.known: dict[tuple[int, Keys], ServoState] = {}
+        self.refined: set[tuple[int, Keys]] = set()
+        self.samples = np.full(measurements.robot.n, 100.0)
+        self.criterion: Criterion = Criterion(self.samples, self.least, self.choices)
+
+    @property
+    def n(self) -> int:
+        return self.measurements.robot.n
+
+    @property
+    def choices(self) -> int:
+        """Effects that may be added, at all joints."""
+        return len(SERVO_EFFECTS) * len(set(self.data.owner.tolist()))
+
+    @property
+    def stages(self) -> dict[str, Callable[[ServoModel], Iterable[tuple[Hashable, ServoModel]]]]:
+        """Kinds of moves."""
+        return {"add": self.larger, "swap": self.exchanged}
+
+    def parts(self, model: ServoModel) -> frozenset[Hashable]:
+        """What a model has more than the set's own one."""
+        return frozenset(model.keys - self.given)
+
+    # -- models
+
+    def begin(self) -> ServoModel:
+        """The set's own model, and the criterion of this recording."""
+        owners = set(self.data.owner.tolist())
+        rough = absent(self.n)
+        asked = [(o, self.own(self.given, o), self.starting(rough, self.own(self.given, o))) for o in owners]
+        (fit,) = self.fitted(asked, STEPS)
+        self.renew(fit)
+        self.known.clear()
+        asked = [(o, keys, fit.values) for o, keys, _ in asked]
+        self.fitted(asked, REFINED)
+        return self.model(self.given)
+
+    def renew(self, fit: ServoFit) -> bool:
+        """Measure anew how many samples are independent; whether that changes what counts."""
+        found = criterion_of(self.residuals(fit.error), self.least, self.choices, MOTION.outlier)
+        grown = bool(np.any(found.samples > 1.5 * self.criterion.samples))
+        self.criterion, self.samples = found, found.samples
+        return grown
+
+    def own(self, keys: Keys, owner: int) -> Keys:
+        """Those of the effects that are one servo's."""
+        return frozenset(k for k in keys if int(self.data.owner[k.joint]) == owner)
+
+    def model(self, keys: Keys) -> ServoModel:
+        """A model whose servos have been fitted."""
+        owners = set(self.data.owner.tolist())
+        return ServoModel(keys, {o: self.known[o, self.own(keys, o)] for o in owners})
+
+    def scales(self, motion: DrivenMotion) -> tuple[Array, Array, Array]:
+        """Usual sizes, and centre and spread of what is likely, (P, n) each."""
+        torque = np.where(TORQUE[:, None], self.torque, 1.0)
+        unit = np.array([np.median(np.abs(p.tried)) for p in PARAMETERS])[:, None] * torque
+        center = np.repeat(CENTER[:, None], self.n, axis=1)
+        speed = np.abs(np.diff(motion.goal, axis=0)) / motion.step
+        center[INDEX["torque_limit.limit"]] = np.log(3 * self.torque)
+        center[INDEX["goal_speed_limit.speed"]] = np.log(np.maximum(speed.max(axis=(0, 2)), 1e-6))
+        return unit, center, np.array([p.spread for p in PARAMETERS])[:, None] * torque
+
+    def starting(self, values: Array, added: Iterable[ChosenEffect], which: int = 0) -> Array:
+        """Values from which a fit with more effects starts; `which` of those that are tried."""
+        out = values.copy()
+        for key in added:
+            for k in of_effect(key.effect):
+                joints, tried = self.joints(key, k), PARAMETERS[k].tried
+                out[k, joints] = self.first(k, joints, values, tried[which % len(tried)])
+        return out
+
+    def first(self, parameter: int, joints: Array, values: Array, tried: float) -> Array:
+        """Where the fit of a parameter starts, on these joints."""
+        name, motion = NAMES[parameter], self.data.motion
+        gain = values[INDEX["gain"]]
+        if name == "torque_limit.limit":
+            size = np.abs(motion.goal - motion.theta) * gain[:, None]
+        elif name == "goal_speed_limit.speed":
+            size = np.abs(np.diff(motion.goal, axis=0)) / motion.step
+        else:
+            scale = self.spread * gain if TORQUE[parameter] else np.ones(self.n)
+            return tried * scale[joints]
+        rows = [size[:, j][size[:, j] > 0] for j in joints]
+        return np.array([float(np.quantile(one, tried)) if len(one) else 1.0 for one in rows])
+
+    def placed(self, model: ServoModel, asked: Sequence[Asked]) -> list[Asked]:
+        """The same, each from the best of the values that are tried for what is new."""
+        options: list[Asked] = []
+        counts = []
+        for owner, keys, start in asked:
+            new = keys - self.own(model.keys, owner)
+            count = max((len(PARAMETERS[k].tried) for key in new for k in of_effect(key.effect)), default=1)
+            options += [(owner, keys, self.starting(start, new, i)) for i in range(count)]
+            counts.append(count)
+        slots = self.slots(options)
+        values = np.stack([self.joined(slot, options)[1] for slot in slots], axis=1)
+        theta = free_motion(self.data.own, values)
+        error = np.where(self.data.own.used, theta - self.data.own.theta, 0.0)
+        nats = np.log(np.square(error).sum(axis=(1, 3)) + 1e-300)  # (V, n)
+        found = np.empty(len(options))
+        for slot, row in zip(slots, nats, strict=True):
+            for owner, at in slot.items():
+                found[at] = (row * self.samples)[self.data.owner == owner].sum()
+        ends = np.cumsum([0, *counts])
+        return [options[a + int(np.argmin(found[a:b]))] for a, b in zip(ends, ends[1:], strict=False)]
+
+    def slots(self, asked: Sequence[Asked]) -> list[dict[int, int]]:
+        """Which of them are simulated at once: owner -> number, different servos in one."""
+        slots: list[dict[int, int]] = []
+        filled: dict[int, int] = {}
+        for at, (owner, _, _) in enumerate(asked):
+            k = filled.get(owner, 0)
+            filled[owner] = k + 1
+            if k == len(slots):
+                slots.append({})
+            slots[k][owner] = at
+        return slots
+
+    def joined(self, slot: dict[int, int], asked: Sequence[Asked]) -> tuple[Array, Array]:
+        """What is fitted, and values, (P, n) each, of several servos."""
+        free = self.free(frozenset(k for at in slot.values() for k in asked[at][1]))
+        values = absent(self.n)
+        for j, owner in enumerate(self.data.owner.tolist()):
+            if owner in slot:
+                values[:, j] = asked[slot[owner]][2][:, j]
+            else:
+                free[:, j] = False
+        has = free | (np.arange(len(values)) < len(OWN))[:, None]
+        return free, np.where(has, values, absent(self.n))
+
+    def joints(self, key: ChosenEffect, parameter: int) -> Array:
+        """The joints on which an effect of a servo has a parameter: all of that servo, or one."""
+        same = np.flatnonzero(self.data.owner == self.data.owner[key.joint])
+        return same if SHARED[parameter] else np.array([key.joint])
+
+    def free(self, keys: Keys) -> Array:
+        """(P, n) what is fitted."""
+        free = np.zeros((len(NAMES), self.n), bool)
+        for name in OWN:
+            free[INDEX[name]] = ~self.given_own[INDEX[name]]
+        for key in keys:
+            for k in of_effect(key.effect):
+                free[k, self.joints(key, k)] = True
+        return free
+
+    @property
+    def given_own(self) -> Array:
+        """(P, n) parameters that the set states."""
+        return np.zeros((len(NAMES), self.n), bool)
+
+    def fitted(self, asked: Sequence[Asked], steps: int) -> list[ServoFit]:
+        """Fit servos with effects, from values (P, n); different servos are fitted at once."""
+        slots = self.slots(asked)
+        models = [self.joined(slot, asked) for slot in slots]
+        fits = fit_servos(self.data, models, steps, self.samples, self.check)
+        for slot, fit in zip(slots, fits, strict=True):
+            parts = self.residuals(fit.error)
+            sigma, held = deviations(parts, MOTION.outlier), deviations(parts[-1:], MOTION.outlier)
+            state = ServoState(fit.values, sigma, held)
+            for owner, at in slot.items():
+                place = owner, asked[at][1]
+                before, mine = self.known.get(place), self.data.owner == owner
+                if before is None or self.nats(state)[mine].sum() < self.nats(before)[mine].sum():
+                    self.known[place] = state
+        return fits
+
+    def nats(self, state: ServoState) -> Array:
+        return self.criterion.nats(state.deviation)
+
+    def residuals(self, error: Array) -> list[Residuals]:
+        """Of the fit groups, then of the held-out ones if there are any; `error` (T, n, C) [rad]."""
+        motion, out = self.data.motion, []
+        for chosen in (self.data.fitted, ~self.data.fitted):
+            if not chosen.any():
+                continue
+            at = np.flatnonzero(chosen)
+            T = error.shape[0]
+            values = error[:, :, at].transpose(2, 0, 1).reshape(-1, self.n)
+            used = motion.used[:, :, at].transpose(2, 0, 1).reshape(-1, self.n)
+            out.append(Residuals(values, used, [slice(k * T, (k + 1) * T) for k in range(len(at))]))
+        return out
+
+    # -- moves
+
+    def candidates(self, model: ServoModel, owner: int) -> list[ChosenEffect]:
+        """Effects that a servo may have besides."""
+        joints = np.flatnonzero(self.data.owner == owner)
+        out = []
+        names = {k.effect for k in self.own(model.keys, owner)}
+        for effect in SERVO_EFFECTS:
+            law = EFFECTS[effect]
+            if effect in names or any(EFFECTS[name].replaces == effect for name in names):
+                continue
+            if law.beside is not None and law.beside not in names:
+                continue
+            shared = SHARED[of_effect(effect)[0]]
+            out += [ChosenEffect(effect, int(j)) for j in (joints[:1] if shared else joints)]
+        return out
+
+    def larger(self, model: ServoModel) -> list[tuple[Hashable, ServoModel]]:
+        """Models with one effect more, and the servo to which it belongs."""
+        asked: list[Asked] = []
+        for owner, state in model.states.items():
+            for key in self.candidates(model, owner):
+                own = self.own(model.keys, owner)
+                left = frozenset(k for k in own if EFFECTS[key.effect].replaces != k.effect)
+                asked.append((owner, left | {key}, state.values))
+        return self.tried(model, asked)
+
+    def exchanged(self, model: ServoModel) -> list[tuple[Hashable, ServoModel]]:
+        """Models with an effect in place of one for which it may be taken."""
+        asked: list[Asked] = []
+        for owner, state in model.states.items():
+            own = self.own(model.keys, owner)
+            for key in own - self.given:
+                rivals = next(names for names in RIVALS if key.effect in names)
+                for other in self.candidates(model, owner):
+                    if other.effect in rivals:
+                        asked.append((owner, (own - {key}) | {other}, state.values))
+        return self.tried(model, asked)
+
+    def tried(self, model: ServoModel, asked: list[Asked]) -> list[tuple[Hashable, ServoModel]]:
+        """Models of which one servo has other effects, fitted: the best few of each servo."""
+        fresh = [one for one in asked if one[:2] not in self.known]
+        if fresh:
+            self.fitted(self.placed(model, fresh), TRIED)
+        best: list[Asked] = []
+        for owner in model.states:
+            mine = [(o, k) for o, k, _ in asked if o == owner]
+            mine.sort(key=lambda one: self.nats(self.known[one])[self.data.owner == owner].sum())
+            best += [(o, k, self.known[o, k].values) for o, k in mine[:BEST]]
+        self.fitted([one for one in best if one[:2] not in self.refined], REFINED)
+        self.refined |= {one[:2] for one in best}
+        others = model.keys
+        out = []
+        for owner, keys, _ in best:
+            rest = frozenset(k for k in others if int(self.data.owner[k.joint]) != owner)
+            out.append((owner, self.model(rest | keys)))
+        return out
+
+    def united(self, model: ServoModel, others: list[ServoModel]) -> ServoModel:
+        """Each servo with what the best of the others has there."""
+        keys = model.keys
+        for owner in model.states:
+            mine = [o for o in others if self.own(o.keys, owner) != self.own(model.keys, owner)]
+            if mine:
+                best = min(mine, key=lambda m: self.score(m).total)
+                rest = frozenset(k for k in keys if int(self.data.owner[k.joint]) != owner)
+                keys = rest | self.own(best.keys, owner)
+        return self.model(keys)
+
+    def smaller(self, model: ServoModel) -> Iterable[ServoModel]:
+        """Models without one effect, the least needed first."""
+        asked, out = [], []
+        for key in model.keys - self.given:
+            owner = int(self.data.owner[key.joint])
+            keys = self.own(model.keys, owner) - {key}
+            needed = {EFFECTS[k.effect].beside for k in keys}
+            if key.effect in needed:
+                continue
+            values = model.states[owner].values
+            asked.append((owner, keys, values))
+            out.append(model.keys - {key})
+        fresh = [one for one in asked if one[:2] not in self.known]
+        if fresh:
+            self.fitted(fresh, REFINED)
+        return sorted(map(self.model, out), key=lambda m: self.score(m).total)
+
+    def score(self, model: ServoModel) -> ModelScore:
+        """What the criterion says of a model."""
+        owner = self.data.owner
+        sigma = np.array([model.states[int(o)].deviation[j] for j, o in enumerate(owner)])
+        held = np.array([model.states[int(o)].held_out[j] for j, o in enumerate(owner)])
+        parameters = sum(len(of_effect(k.effect)) for k in model.keys - self.given)
+        cost = self.criterion.cost(parameters, len(model.keys - self.given))
+        return ModelScore(self.criterion.nats(sigma), self.criterion.nats(held), cost, sigma, held)
+
+
+def owners(measurements: MeasurementSet) -> Array:
+    """(n,) index of the first joint that has the same servo."""
+    out = np.arange(measurements.robot.n)
+    same = measurements.drive.same if measurements.drive is not None else ()
+    for names in same:
+        at = [measurements.joints.index(name) for name in names]
+        out[at] = min(at)
+    return out

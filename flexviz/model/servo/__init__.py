@@ -1,0 +1,42 @@
+"""Joints that follow goals: the firmware's law, and the free motion that follows from it."""
+
+from flexviz.model.servo.driven_motion import DrivenMotion, driven_motion
+from flexviz.model.servo.free_motion import free_motion
+from flexviz.model.servo.parameters import (
+    CENTER,
+    INDEX,
+    LOG,
+    NAMES,
+    OWN,
+    PARAMETERS,
+    RIVALS,
+    SERVO_EFFECTS,
+    SHARED,
+    SIZE,
+    SPREAD,
+    START,
+    TORQUE,
+    absent,
+    of_effect,
+)
+
+__all__ = [
+    "CENTER",
+    "INDEX",
+    "LOG",
+    "NAMES",
+    "OWN",
+    "PARAMETERS",
+    "RIVALS",
+    "SERVO_EFFECTS",
+    "SHARED",
+    "SIZE",
+    "SPREAD",
+    "START",
+    "TORQUE",
+    "DrivenMotion",
+    "absent",
+    "driven_motion",
+    "free_motion",
+    "of_effect",
+]

@@ -1,0 +1,96 @@
+"""What the masses do to each joint along a measured motion, cut into stretches that are simulated at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.signal import butter, filtfilt
+
+from flexviz.base.arrays import Array, Bools
+from flexviz.data.measurements import MeasurementSet
+from flexviz.model.equation.link import LinkDynamics
+
+BAND = 8.0  # [Hz] of the motion of joints that follow goals, to which other joints' accelerations are smoothed
+STRETCH, WARM_UP = 5.0, 1.0  # [s] simulated from a measured state, and the beginning of it that does not count
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenMotion:
+    """Stretches of measured motion: T samples of C stretches of n joints.
+
+    Attributes:
+        step: (C,) [s].
+        goal, theta: (T, n, C) [rad].
+        rest: torque of the masses but for the joint's own acceleration, at the measured motion [Nm].
+        slope: of that torque, by the joint's own angle [Nm/rad].
+        own: the masses' inertia about the joint [kg m²].
+        load: torque that the joint transmits to the links [Nm].
+        speed: (n, C) at the beginning [rad/s].
+        used: (T, n, C) samples that count.
+        group: (C,) to which a stretch belongs.
+        first: (C,) its first sample there.
+    """
+
+    step: Array
+    goal: Array
+    theta: Array
+    rest: Array
+    slope: Array
+    own: Array
+    load: Array
+    speed: Array
+    used: Bools
+    group: Array
+    first: Array
+
+    def part(self, chosen: Bools) -> DrivenMotion:
+        """Some of the stretches, (C,)."""
+        arrays = (getattr(self, field.name) for field in fields(self))
+        return DrivenMotion(*(np.ascontiguousarray(one[..., chosen]) for one in arrays))
+
+
+def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> DrivenMotion:
+    """The motion of all groups, cut; `whole`: each stretch without a gap as it is."""
+    pieces = []
+    link = LinkDynamics(measurements.robot)
+    for g, group in enumerate(measurements.groups):
+        bodies = measurements.robot.with_payload(group.bodies) if False else None
+        parameters = measurements.robot.cad_parameters + measurements.robot.payload_parameters(group.bodies)
+        goal = group.theta_ref
+        for segment in group.segments:
+            wanted = group.at("theta_ref", segment.time)
+            signals = _masses(link, parameters, segment.theta, segment.step)
+            count = len(segment)
+            warm, length = round(WARM_UP / segment.step), round(STRETCH / segment.step)
+            starts = [0] if whole else range(0, max(count - warm, 1), length)
+            for at in starts:
+                lead = max(at, 0)
+                stop = count if whole else min(at + warm + length, count)
+                pieces.append((g, segment.step, lead, stop, warm if at or True else 0, wanted, segment.theta, signals))
+    T = max(stop - start for _, _, start, stop, *_ in pieces)
+    n, C = measurements.robot.n, len(pieces)
+    out = {k: np.zeros((T, n, C)) for k in ("goal", "theta", "rest", "slope", "own", "load")}
+    used, speed = np.zeros((T, n, C), bool), np.zeros((n, C))
+    for c, (g, step, a, b, warm, wanted, theta, (rest, slope, own, load, v)) in enumerate(pieces):
+        for name, signal in zip(out, (wanted, theta, rest, slope, own, load), strict=True):
+            out[name][: b - a, :, c] = signal[a:b]
+            out[name][b - a :, :, c] = signal[b - 1]
+        used[warm : b - a, :, c] = True
+        speed[:, c] = v[a]
+    return DrivenMotion(
+        np.array([p[1] for p in pieces]), **out, speed=speed, used=used,
+        group=np.array([p[0] for p in pieces]), first=np.array([p[2] for p in pieces]),
+    )  # fmt: skip
+
+
+def _masses(link: LinkDynamics, parameters: Array, theta: Array, step: float):
+    b, a = butter(2, min(2 * BAND * step, 0.9))
+    q = filtfilt(b, a, theta, axis=0)
+    v = np.gradient(q, step, axis=0)
+    acc = np.gradient(v, step, axis=0)
+    found = link.evaluate([(slice(0, len(q)), parameters)], q, v, acc)
+    own = np.einsum("kii->ki", found.mass)
+    load = link.torque(parameters, q, v, acc)
+    return load - own * acc, np.einsum("kii->ki", found.dq), own, load, v
