@@ -101,6 +101,10 @@ def diagnose(
         warnings.warn("diagnose(guarded=…) is now diagnose(guard=…)", DeprecationWarning, stacklevel=2)
         guard = guarded
     measurements = diagnosed_set(set_of(measurements), fit_settings(settings, **options))
+    if measurements.drive is not None:
+        from flexviz.analysis.servo import diagnose_servos  # it stands above
+
+        return diagnose_servos(measurements, apply=apply, progress=progress, should_stop=should_stop)
     measurements, notes = without_still_groups(measurements)
     notes += noise_notes(measurements)
     should_stop = should_stop or never

@@ -78,6 +78,10 @@ def identify(
     """
     began, measurements = time.perf_counter(), set_of(measurements)
     chosen = fit_settings(settings, **options)
+    if measurements.drive is not None:
+        from flexviz.analysis.servo import identify_servos  # it stands above: it diagnoses, too
+
+        return remember(identify_servos(measurements, chosen, progress, should_stop), measurements)
     fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other

@@ -9,8 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools
-
-
 from flexviz.model.servo import LOG, SHARED, SIZE, DrivenMotion, free_motion
 
 AT_ONCE = 48  # joints' models that are simulated together
@@ -89,7 +87,10 @@ def to_values(inner: Array) -> Array:
 
 
 def fit_servos(
-    data: ServoData, models: Sequence[tuple[Bools, Array]], iterations: int, weight: Array,
+    data: ServoData,
+    models: Sequence[tuple[Bools, Array]],
+    iterations: int,
+    weight: Array,
     check: Callable[[], None] = lambda: None,
 ) -> list[ServoFit]:
     """Models (free, values) fitted: Gauss–Newton steps with damping for each joint, or joints of one servo.
@@ -147,7 +148,7 @@ class _Descent:
     def take(self, theta: Array, held_out: Array | None) -> None:
         data = self.data
         away = theta[0] - data.own.theta
-        error = np.empty(data.motion.theta.shape)
+        error = np.zeros(data.motion.theta.shape)
         error[..., data.fitted] = away
         if held_out is not None:
             error[..., ~data.fitted] = held_out - data.rest.theta
@@ -156,7 +157,10 @@ class _Descent:
             np.moveaxis((theta[k + 1] - theta[0]) * (self.used / self.shift[p][:, None]), 1, 0).reshape(self.n, -1)
             for k, p in enumerate(self.variants)
         ], axis=1)  # fmt: skip
-        hessian, gradient = np.zeros((self.n, len(self.free), len(self.free))), np.zeros((self.n, len(self.free)))
+        hessian, gradient = (
+            np.zeros((self.n, len(self.free), len(self.free))),
+            np.zeros((self.n, len(self.free))),
+        )
         hessian[:, self.variants[:, None], self.variants] = slopes @ slopes.transpose(0, 2, 1)
         gradient[:, self.variants] = np.einsum("jpk,jk->jp", slopes, own)
         self.new = error, np.square(own).sum(axis=1) / self.count, hessian, gradient
@@ -177,7 +181,9 @@ class _Descent:
         together = np.array([fall[self.data.owner == o].sum() for o in self.data.owner])
         better = together > 0
         self.damping *= np.where(better, DAMPING[1], DAMPING[2])
-        pick = lambda new, old, axis: np.where(better.reshape([-1 if k == axis else 1 for k in range(new.ndim)]), new, old)  # noqa: E731
+        pick = lambda new, old, axis: np.where(
+            better.reshape([-1 if k == axis else 1 for k in range(new.ndim)]), new, old
+        )
         self.best = (
             pick(self.z, z, 1), pick(error, old_error, 1), pick(variance, old_variance, 0),
             pick(hessian, old_hessian, 0), pick(gradient, old_gradient, 0),
@@ -216,7 +222,9 @@ class _Descent:
             on = ~held
             A = H[np.ix_(on, on)]
             move[:] = 0.0
-            move[on] = -np.linalg.solve(A + np.diag(damping[on] * np.diag(A) + 1e-9 * np.diag(A).max()), g[on])
+            move[on] = -np.linalg.solve(
+                A + np.diag(damping[on] * np.diag(A) + 1e-9 * np.diag(A).max()), g[on]
+            )
             below = low & on & (value + move < 0) & (value <= 0)
             if not below.any():
                 break
@@ -232,3 +240,63 @@ class _Descent:
     def result(self) -> ServoFit:
         z, error, variance, hessian, gradient = self.best
         return ServoFit(self.free, to_values(z), error, hessian, gradient, variance)
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of a model's free motion by its U unknowns.
+
+    Attributes:
+        place: (P, n) number of the unknown that each parameter is; −1: given.
+        prior: (U, U) of the prior's Hessian [nats].
+        hessians: (C, U, U) of each stretch of the fit groups, or of a group's stretches together.
+        scores: (C, U) their gradients.
+        group: (C,) to which they belong.
+    """
+
+    place: Array
+    prior: Array
+    hessians: Array
+    scores: Array
+    group: Array
+
+    @property
+    def hessian(self) -> Array:
+        """(U, U) of the objective [nats]."""
+        return self.prior + self.hessians.sum(axis=0)
+
+    def by_group(self) -> Slopes:
+        """The same of whole groups."""
+        names = np.unique(self.group)
+        parts = [(part[self.group == g].sum(axis=0) for g in names) for part in (self.hessians, self.scores)]
+        hessians, scores = (np.array(list(part)) for part in parts)
+        return Slopes(self.place, self.prior, hessians, scores, names)
+
+    def spread(self) -> Array:
+        """(U,) variance of the unknowns as the parts disagree (a sandwich over them)."""
+        inverse, count = np.linalg.pinv(self.hessian, hermitian=True), len(self.scores)
+        moved = self.scores @ inverse
+        apart: Array = np.square(moved).sum(axis=0) * count / max(count - 1, 1)
+        return apart
+
+
+def slopes_at(data: ServoData, free: Bools, values: Array, weight: Array) -> Slopes:
+    """Derivatives at a model, (P, n) each."""
+    one = _Descent(data, free, values, weight)
+    theta = free_motion(data.own, one.points())
+    one.take(theta, None)
+    one.judge()
+    hessian, _, scale = one.system()
+    away = (theta[0] - data.own.theta) * one.used
+    count, stretches = len(hessian), theta.shape[-1]
+    scores, hessians = np.zeros((stretches, count)), np.zeros((stretches, count, count))
+    for j in range(free.shape[1]):
+        at = [k for k, p in enumerate(one.variants) if one.place[p, j] >= 0]
+        if not at:
+            continue
+        to = one.place[one.variants[at], j]
+        shift = np.array([one.shift[one.variants[k], j] for k in at])[:, None, None]
+        slope = (theta[np.array(at) + 1, :, j] - theta[0, :, j]) * one.used[:, j] / shift  # (U, T, C)
+        scores[:, to] += scale[j] * np.einsum("utc,tc->cu", slope, away[:, j])
+        hessians[:, to[:, None], to] += scale[j] * np.einsum("utc,vtc->cuv", slope, slope, optimize=True)
+    return Slopes(one.place, hessian - hessians.sum(axis=0), hessians, scores, data.own.group)

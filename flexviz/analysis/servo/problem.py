@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexviz.analysis.diagnosis.criterion import Criterion, ModelScore, criterion_of
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from flexviz.analysis.motion import MOTION, Residuals, deviations
 from flexviz.analysis.servo.fit import ServoData, ServoFit, fit_servos
 from flexviz.base.arrays import Array
@@ -15,14 +16,30 @@ from flexviz.data.measurements import MeasurementSet
 from flexviz.data.noise import segments_noise
 from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo import (
-    CENTER, INDEX, NAMES, OWN, PARAMETERS, RIVALS, SERVO_EFFECTS, SHARED, START, TORQUE, DrivenMotion, absent,
-    driven_motion, free_motion, of_effect,
+    CENTER,
+    INDEX,
+    NAMES,
+    OWN,
+    PARAMETERS,
+    RIVALS,
+    SCALED,
+    SERVO_EFFECTS,
+    SHARED,
+    START,
+    TORQUE,
+    DrivenMotion,
+    absent,
+    driven_motion,
+    free_motion,
+    of_effect,
 )  # fmt: skip
 
 STEPS = 12  # of a fit from rough values
 TRIED, REFINED = 3, 5  # steps of every candidate, and of the best
 BEST = 3  # candidates of a joint that are refined
 BEYOND = 0.9  # share of the samples that a limit leaves alone from which its fit starts
+
+EVIDENCE = THRESHOLDS.evidence
 
 Keys = frozenset[ChosenEffect]
 Asked = tuple[int, Keys, Array]
@@ -67,7 +84,10 @@ class ServoProblem:
     name = "coarse"
 
     def __init__(
-        self, measurements: MeasurementSet, check: Callable[[], None] = lambda: None, given: Keys = frozenset()
+        self,
+        measurements: MeasurementSet,
+        check: Callable[[], None] = lambda: None,
+        given: Keys = frozenset(),
     ) -> None:
         self.measurements, self.check, self.given = measurements, check, given
         motion = driven_motion(measurements)
@@ -107,14 +127,26 @@ class ServoProblem:
 
     def begin(self) -> ServoModel:
         """The set's own model, and the criterion of this recording."""
-        owners = set(self.data.owner.tolist())
-        rough = absent(self.n)
-        asked = [(o, self.own(self.given, o), self.starting(rough, self.own(self.given, o))) for o in owners]
-        (fit,) = self.fitted(asked, STEPS)
+        owners = sorted(set(self.data.owner.tolist()))
+        bare: Keys = frozenset()
+        (fit,) = self.fitted([(o, bare, absent(self.n)) for o in owners], STEPS)
+        self.renew(fit)
+        model = self.model(bare)
+        for effect in dict.fromkeys(key.effect for key in sorted(self.given, key=_order)):
+            more = frozenset(key for key in self.given if key.effect == effect)
+            asked = [
+                (o, model.states[o].values, self.own(model.keys, o), self.own(model.keys | more, o))
+                for o in owners
+            ]
+            self.fitted(
+                self.placed(model, [(o, new, values) for o, values, old, new in asked if new != old]), REFINED
+            )
+            model = self.model(model.keys | more)
+        values = model.values(self.data.owner)
+        (fit,) = self.fitted([(o, self.own(self.given, o), values) for o in owners], REFINED)
         self.renew(fit)
         self.known.clear()
-        asked = [(o, keys, fit.values) for o, keys, _ in asked]
-        self.fitted(asked, REFINED)
+        self.fitted([(o, self.own(self.given, o), fit.values) for o in owners], TRIED)
         return self.model(self.given)
 
     def renew(self, fit: ServoFit) -> bool:
@@ -263,6 +295,21 @@ class ServoProblem:
             out.append(Residuals(values, used, [slice(k * T, (k + 1) * T) for k in range(len(at))]))
         return out
 
+    def scale_determined(self, free: Array, values: Array) -> Array:
+        """(n,) whether torques of twice or half the size would leave clearly more of a joint's motion.
+
+        Only a known mass tells them apart. What a model leaves is of its own making, and no number of samples
+        makes a small part of it count.
+        """
+        held = free.copy()
+        held[INDEX["gain"]] = False
+        factors = np.where(SCALED, 1.0, 0.0)[:, None]
+        models = [(held, values * np.exp(factors * turn)) for turn in (0.0, np.log(2.0), -np.log(2.0))]
+        fits = fit_servos(self.data, models, REFINED, self.samples, self.check)
+        own, twice, half = (deviations(self.residuals(fit.error), MOTION.outlier) for fit in fits)
+        clear = np.minimum(twice, half) > (1 + EVIDENCE.share) * np.maximum(own, self.least)
+        return np.array([clear[self.data.owner == o].any() for o in self.data.owner]) | ~free[INDEX["gain"]]
+
     # -- moves
 
     def candidates(self, model: ServoModel, owner: int) -> list[ChosenEffect]:
@@ -357,6 +404,10 @@ class ServoProblem:
         parameters = sum(len(of_effect(k.effect)) for k in model.keys - self.given)
         cost = self.criterion.cost(parameters, len(model.keys - self.given))
         return ModelScore(self.criterion.nats(sigma), self.criterion.nats(held), cost, sigma, held)
+
+
+def _order(key: ChosenEffect) -> int:
+    return SERVO_EFFECTS.index(key.effect)
 
 
 def owners(measurements: MeasurementSet) -> Array:

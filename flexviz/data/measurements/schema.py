@@ -83,7 +83,9 @@ class DriveTable(StrictTable):
                 message = f"{found}, expected one per joint ({len(joints)}) or one for all"
                 raise InputError(message, file=file, place="drive.kp")
             if min(self.kp) <= 0.0:
-                message = f"found {min(self.kp):g}, expected a gain above zero [Nm/rad]; leave it out if unknown"
+                message = (
+                    f"found {min(self.kp):g}, expected a gain above zero [Nm/rad]; leave it out if unknown"
+                )
                 raise InputError(message, file=file, place="drive.kp")
         named = [name for names in self.same for name in names]
         for name in named:

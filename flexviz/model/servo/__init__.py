@@ -3,6 +3,7 @@
 from flexviz.model.servo.driven_motion import DrivenMotion, driven_motion
 from flexviz.model.servo.free_motion import free_motion
 from flexviz.model.servo.parameters import (
+    ABSENT,
     CENTER,
     INDEX,
     LOG,
@@ -10,6 +11,7 @@ from flexviz.model.servo.parameters import (
     OWN,
     PARAMETERS,
     RIVALS,
+    SCALED,
     SERVO_EFFECTS,
     SHARED,
     SIZE,
@@ -21,6 +23,7 @@ from flexviz.model.servo.parameters import (
 )
 
 __all__ = [
+    "ABSENT",
     "CENTER",
     "INDEX",
     "LOG",
@@ -28,6 +31,7 @@ __all__ = [
     "OWN",
     "PARAMETERS",
     "RIVALS",
+    "SCALED",
     "SERVO_EFFECTS",
     "SHARED",
     "SIZE",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -12,8 +11,13 @@ from flexviz.base.arrays import Array, Bools
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.equation.link import LinkDynamics
 
-BAND = 8.0  # [Hz] of the motion of joints that follow goals, to which other joints' accelerations are smoothed
-STRETCH, WARM_UP = 5.0, 1.0  # [s] simulated from a measured state, and the beginning of it that does not count
+BAND = (
+    8.0  # [Hz] of the motion of joints that follow goals, to which other joints' accelerations are smoothed
+)
+STRETCH, WARM_UP = (
+    5.0,
+    1.0,
+)  # [s] simulated from a measured state, and the beginning of it that does not count
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,9 @@ def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> Drive
             for at in starts:
                 lead = max(at, 0)
                 stop = count if whole else min(at + warm + length, count)
-                pieces.append((g, segment.step, lead, stop, warm if at or True else 0, wanted, segment.theta, signals))
+                pieces.append(
+                    (g, segment.step, lead, stop, warm if at or True else 0, wanted, segment.theta, signals)
+                )
     T = max(stop - start for _, _, start, stop, *_ in pieces)
     n, C = measurements.robot.n, len(pieces)
     out = {k: np.zeros((T, n, C)) for k in ("goal", "theta", "rest", "slope", "own", "load")}

@@ -54,7 +54,9 @@ def _integrate(motion: DrivenMotion, values: Array, out: Array) -> None:
     q = np.broadcast_to(motion.theta[0], (V, n, C)).copy()
     w = np.broadcast_to(motion.speed, (V, n, C)).copy()
     e, f, held, slope, middle, goal = (np.empty_like(q) for _ in range(6))
-    away = 0.5 * (motion.rest[1:] + motion.rest[:-1]) - motion.slope[:-1] * 0.5 * (motion.theta[1:] + motion.theta[:-1])
+    away = 0.5 * (motion.rest[1:] + motion.rest[:-1]) - motion.slope[:-1] * 0.5 * (
+        motion.theta[1:] + motion.theta[:-1]
+    )
     size = np.abs(motion.load)
     for i in range(T):
         out[:, i] = q

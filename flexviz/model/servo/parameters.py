@@ -80,9 +80,17 @@ SERVO_EFFECTS = tuple(dict.fromkeys(name.split(".")[0] for name in NAMES if "." 
 
 CENTER = np.where(LOG, np.log(np.where(LOG, START, 1.0)), 0.0)
 """What is likely, of what is fitted; of limits in units of what the data have."""
+SCALED = np.isin(NAMES, (*OWN, "torque_limit.limit")) | TORQUE
+"""Those that have a scale in common: torques, and what makes them of a motion."""
 RIVALS = (
     ("torque_limit", "goal_delay", "goal_lag", "goal_speed_limit", "dead_band"),
-    ("coulomb_friction", "load_dependent_friction", "driving_friction", "stribeck_friction", "quadratic_friction"),
+    (
+        "coulomb_friction",
+        "load_dependent_friction",
+        "driving_friction",
+        "stribeck_friction",
+        "quadratic_friction",
+    ),
     ("torque_offset", "cable_spring"),
 )
 """Effects that may be taken for each other."""

@@ -1,0 +1,45 @@
+"""Joints that follow goals."""
+
+from __future__ import annotations
+
+from flexviz.base.facts import Fact
+from flexviz.base.spelling import listed
+from flexviz.content.wording.facts import says
+
+STAGES = {
+    "masses": "computing what the masses do along the measured motion",
+    "fit": "fitting the free motion from the goals",
+    "own": "fitting the set's own model",
+    "search": "trying what else the servos may have",
+    "stairs": "comparing the models on the way",
+}
+
+
+@says("servo-stage")
+def stage(fact: Fact) -> str:
+    """What is being done."""
+    return STAGES[fact.values["stage"]]
+
+
+@says("servo-fitted")
+def fitted(fact: Fact) -> str:
+    """How a fit was made."""
+    return "fitted by the free motion from the goals alone"
+
+
+@says("no-scale")
+def no_scale(fact: Fact) -> str:
+    """Joints of which only ratios are determined."""
+    return (
+        f"scale of {listed(list(fact.joints))} not determined: gain, inertia and friction are known in ratio to "
+        "each other only; state kp in [drive], hang a known mass on the joint, or say which servos are alike "
+        "(same in [drive])"
+    )
+
+
+@says("servo-left")
+def left(fact: Fact) -> str:
+    """Joints whose motion no effect explains to the noise."""
+    return (
+        f"the motion of {listed(list(fact.joints))} differs from the model's by more than the encoder's noise"
+    )
