@@ -16,7 +16,7 @@ from flexviz.base.units import joint_unit
 from flexviz.content.records import Combination, EffectEntry, EffectParameter, Grade, ParameterEstimate
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect
-from flexviz.model.servo import INDEX, LOG, NAMES, SCALED, START, of_effect
+from flexviz.model.servo import INDEX, LOG, NAMES, SCALED, SIZE, START, of_effect
 from flexviz.robot.model import EffectValue, FlexibleModel
 
 GAIN = "position_control"
@@ -97,7 +97,8 @@ class ServoEstimate:
             tied = () if NAMES[p] == "gain" else (f"{GAIN}.gain:{self.measurements.joints[j]}",)
         return ParameterEstimate(
             name, self.measurements.joints[j], value, std, joint_unit(self.unit(p), slides), found,
-            start=float(START[p]), tied_to=tied, at_bound=bool(not LOG[p] and value == 0.0 and self.free[p, j]),
+            start=float(START[p]), tied_to=tied,
+            at_bound=bool(SIZE[p] and value == 0.0 and self.free[p, j]),
         )  # fmt: skip
 
     def unit(self, p: int) -> str:

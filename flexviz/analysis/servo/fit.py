@@ -11,8 +11,9 @@ import numpy as np
 from flexviz.base.arrays import Array, Bools
 from flexviz.model.servo import LOG, SHARED, SIZE, DrivenMotion, free_motion
 
-AT_ONCE = 48  # joints' models that are simulated together
+AT_ONCE = 160  # joints' models that are simulated together
 SHIFT = 0.01  # of a logarithm, or of a usual size: by which a derivative is taken
+FEW, ENOUGH = 24, 45  # stretches of a selection
 DAMPING = 1e-2, 0.2, 8.0  # at first; after a step that helps, and after one that does not
 FARTHEST = 1.5  # [-] a step of a logarithm
 
@@ -24,17 +25,12 @@ class ServoFit:
     Attributes:
         free: (P, n) parameters that are fitted.
         values: (P, n).
-        error: (T, n, C) simulated less measured angle [rad].
-        hessian: (n, P, P), of each joint's ½ Σ e²/σ², by what is fitted (a logarithm, a size).
-        variance: (n,) mean square over the fit groups [rad²].
+        error: (T, n, C) simulated less measured angle [rad], of all groups.
     """
 
     free: Bools
     values: Array
     error: Array
-    hessian: Array
-    gradient: Array
-    variance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +58,19 @@ class ServoData:
         return self.motion.part(self.fitted)
 
     @cached_property
-    def rest(self) -> DrivenMotion:
-        """Of the held-out groups."""
-        return self.motion.part(~self.fitted)
+    def thin(self) -> DrivenMotion:
+        """A few of them, by which models are told apart that differ much."""
+        return self.selected(FEW)
+
+    @cached_property
+    def some(self) -> DrivenMotion:
+        """Some of them, by which models are compared; what they leave is asked of all."""
+        return self.selected(ENOUGH)
+
+    def selected(self, count: int) -> DrivenMotion:
+        """About so many of them, evenly."""
+        every = max(1, int(self.fitted.sum()) // count)
+        return self.motion.part(self.fitted & (np.cumsum(self.fitted) % every == 0))
 
     def place(self, free: Bools) -> Array:
         """(P, n) number of the unknown that each parameter is; −1: it is given."""
@@ -87,47 +93,48 @@ def to_values(inner: Array) -> Array:
 
 
 def fit_servos(
-    data: ServoData,
-    models: Sequence[tuple[Bools, Array]],
-    iterations: int,
-    weight: Array,
-    check: Callable[[], None] = lambda: None,
-) -> list[ServoFit]:
+    data: ServoData, models: Sequence[tuple[Bools, Array]], iterations: int, weight: Array,
+    motion: DrivenMotion | None = None, check: Callable[[], None] = lambda: None,
+) -> list[ServoFit]:  # fmt: skip
     """Models (free, values) fitted: Gauss–Newton steps with damping for each joint, or joints of one servo.
 
-    `weight`: (n,) independent samples of each joint.
+    `weight`: (n,) independent samples of each joint; `motion`: stretches by which they are fitted, None:
+    those of all fit groups.
     """
-    todo = [_Descent(data, free, values, weight) for free, values in models]
+    motion = motion or data.own
+    todo = [_Descent(data, motion, free, values, weight) for free, values in models]
     for k in range(iterations + 1):
         batch: list[_Descent] = []
         for one in todo:
             if sum(len(b.variants) for b in batch) + len(one.variants) > AT_ONCE and batch:
-                _evaluate(data, batch)
+                _evaluate(motion, batch)
                 batch = []
             batch.append(one)
             check()
-        _evaluate(data, batch)
+        _evaluate(motion, batch)
         for one in todo:
             one.judge()
             if k < iterations:
                 one.step()
-    return [one.result() for one in todo]
+    values = np.stack([to_values(one.best[0]) for one in todo], axis=1)
+    errors = free_motion(data.motion, values) - data.motion.theta
+    return [ServoFit(one.free, values[:, k], errors[k]) for k, one in enumerate(todo)]
 
 
-def _evaluate(data: ServoData, batch: Sequence[_Descent]) -> None:
+def _evaluate(motion: DrivenMotion, batch: Sequence[_Descent]) -> None:
     values = np.concatenate([one.points() for one in batch], axis=1)
-    theta, at = free_motion(data.own, values), 0
-    firsts = np.cumsum([0, *(len(one.variants) + 1 for one in batch)])[:-1]
-    held_out = free_motion(data.rest, values[:, firsts]) if len(data.rest.step) else None
-    for k, one in enumerate(batch):
+    theta, at = free_motion(motion, values), 0
+    for one in batch:
         count = len(one.variants) + 1
-        one.take(theta[at : at + count], None if held_out is None else held_out[k])
+        one.take(theta[at : at + count])
         at += count
 
 
 class _Descent:
-    def __init__(self, data: ServoData, free: Bools, values: Array, weight: Array) -> None:
-        self.data, self.free, self.weight = data, free, weight
+    def __init__(
+        self, data: ServoData, motion: DrivenMotion, free: Bools, values: Array, weight: Array
+    ) -> None:
+        self.data, self.motion, self.free, self.weight = data, motion, free, weight
         self.z = to_inner(values)
         self.known = to_inner(values)
         self.place = data.place(free)
@@ -136,7 +143,7 @@ class _Descent:
         self.damping = np.full(self.n, DAMPING[0])
         self.best: tuple | None = None
         self.shift = np.where(LOG[:, None], SHIFT, SHIFT * data.unit)
-        self.used = used = data.own.used
+        self.used = used = motion.used
         self.count = np.maximum(used.sum(axis=(0, 2)), 1)
 
     def points(self) -> Array:
@@ -145,25 +152,18 @@ class _Descent:
             z[p, k + 1] += self.shift[p] * self.free[p]
         return to_values(z)
 
-    def take(self, theta: Array, held_out: Array | None) -> None:
-        data = self.data
-        away = theta[0] - data.own.theta
-        error = np.zeros(data.motion.theta.shape)
-        error[..., data.fitted] = away
-        if held_out is not None:
-            error[..., ~data.fitted] = held_out - data.rest.theta
+    def take(self, theta: Array) -> None:
+        away = theta[0] - self.motion.theta
         own = np.moveaxis(away * self.used, 1, 0).reshape(self.n, -1)
-        slopes = np.stack([
-            np.moveaxis((theta[k + 1] - theta[0]) * (self.used / self.shift[p][:, None]), 1, 0).reshape(self.n, -1)
-            for k, p in enumerate(self.variants)
-        ], axis=1)  # fmt: skip
-        hessian, gradient = (
-            np.zeros((self.n, len(self.free), len(self.free))),
-            np.zeros((self.n, len(self.free))),
-        )
+        slopes = np.empty((self.n, len(self.variants), own.shape[1]))
+        for k, p in enumerate(self.variants):
+            slope = (theta[k + 1] - theta[0]) * (self.used / self.shift[p][:, None])
+            slopes[:, k] = np.moveaxis(slope, 1, 0).reshape(self.n, -1)
+        count = len(self.free)
+        hessian, gradient = np.zeros((self.n, count, count)), np.zeros((self.n, count))
         hessian[:, self.variants[:, None], self.variants] = slopes @ slopes.transpose(0, 2, 1)
         gradient[:, self.variants] = np.einsum("jpk,jk->jp", slopes, own)
-        self.new = error, np.square(own).sum(axis=1) / self.count, hessian, gradient
+        self.new = np.square(own).sum(axis=1) / self.count, hessian, gradient
 
     def cost(self, variance: Array, z: Array) -> Array:
         """(n,) of each joint [nats]: a joint's own data, and its prior."""
@@ -172,26 +172,28 @@ class _Descent:
 
     def judge(self) -> None:
         """Keep the new point of the joints that it helps."""
-        error, variance, hessian, gradient = self.new
+        variance, hessian, gradient = self.new
         if self.best is None:
-            self.best = self.z.copy(), error, variance, hessian, gradient
+            self.best = self.z.copy(), variance, hessian, gradient
             return
-        z, old_error, old_variance, old_hessian, old_gradient = self.best
+        z, old_variance, old_hessian, old_gradient = self.best
         fall = self.cost(old_variance, z) - self.cost(variance, self.z)
         together = np.array([fall[self.data.owner == o].sum() for o in self.data.owner])
         better = together > 0
         self.damping *= np.where(better, DAMPING[1], DAMPING[2])
-        pick = lambda new, old, axis: np.where(
-            better.reshape([-1 if k == axis else 1 for k in range(new.ndim)]), new, old
-        )
+
+        def pick(new: Array, old: Array, axis: int) -> Array:
+            shape = [-1 if k == axis else 1 for k in range(new.ndim)]
+            return np.where(better.reshape(shape), new, old)
+
         self.best = (
-            pick(self.z, z, 1), pick(error, old_error, 1), pick(variance, old_variance, 0),
+            pick(self.z, z, 1), pick(variance, old_variance, 0),
             pick(hessian, old_hessian, 0), pick(gradient, old_gradient, 0),
         )  # fmt: skip
 
     def system(self) -> tuple[Array, Array, Array]:
         """Normal equations of all unknowns together, and what scales each joint's."""
-        z, _, variance, hessian, gradient = self.best
+        z, variance, hessian, gradient = self.best
         scale = self.weight / (self.count * variance)
         count = int(self.place.max()) + 1
         H, g = np.zeros((count, count)), np.zeros(count)
@@ -237,10 +239,6 @@ class _Descent:
         new = np.where(SIZE[:, None] & at, np.maximum(new, 0.0), new)
         self.z = new
 
-    def result(self) -> ServoFit:
-        z, error, variance, hessian, gradient = self.best
-        return ServoFit(self.free, to_values(z), error, hessian, gradient, variance)
-
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
@@ -282,9 +280,9 @@ class Slopes:
 
 def slopes_at(data: ServoData, free: Bools, values: Array, weight: Array) -> Slopes:
     """Derivatives at a model, (P, n) each."""
-    one = _Descent(data, free, values, weight)
+    one = _Descent(data, data.own, free, values, weight)
     theta = free_motion(data.own, one.points())
-    one.take(theta, None)
+    one.take(theta)
     one.judge()
     hessian, _, scale = one.system()
     away = (theta[0] - data.own.theta) * one.used

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from flexviz.analysis.diagnosis.criterion import confidence, unexplained
+from flexviz.analysis.diagnosis.course import LEAST_SURE
 from flexviz.analysis.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.analysis.estimation import PredictionErrors
 from flexviz.analysis.identification.result import Identification, ResidualSeries
@@ -18,6 +19,7 @@ from flexviz.analysis.servo.estimate import ServoEstimate, servo_model
 from flexviz.analysis.servo.fit import fit_servos
 from flexviz.analysis.servo.judge import TrajectoryJudge
 from flexviz.analysis.servo.problem import REFINED, STEPS, Keys, ServoModel, ServoProblem, owners
+from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import BestSoFar, Progress, ProgressCallback, StopCallback, ignore, never
@@ -38,7 +40,6 @@ from flexviz.model.servo.driven_motion import BAND
 from flexviz.robot.model import FlexibleModel
 
 OBSERVER = "butterworth-zero-phase"  # of the accelerations of the measured motion
-AT_NOISE = 1.1  # times what counts, to which a model comes that lacks nothing
 
 
 class _Stopped(Exception):
@@ -81,7 +82,8 @@ class ServoCourse:
         values = model.values(problem.data.owner)
         free = problem.free(model.keys)
         (fit,) = fit_servos(problem.data, [(free, values)], steps, problem.samples)
-        order = sorted(model.keys, key=lambda k: (k.joint, SERVO_EFFECTS.index(k.effect)))
+        every = [one for key in model.keys for one in problem.of_joints(key)]
+        order = sorted(every, key=lambda k: (k.joint, SERVO_EFFECTS.index(k.effect)))
         sure = problem.scale_determined(free, fit.values)
         return ServoEstimate(
             self.measurements, problem.data, problem.samples, free, fit.values, tuple(order), sure
@@ -180,7 +182,7 @@ def with_settings(measurements: MeasurementSet, settings: FitSettings) -> Measur
 @dataclass(frozen=True, eq=False)
 class _Stair:
     added: ChosenEffect | None
-    values: np.ndarray
+    values: Array
     errors: PredictionErrors
     estimate: ServoEstimate | None = None
 
@@ -208,11 +210,45 @@ def diagnose_servos(
             course.news = replace(course.news, so_far=so_far(course, first, model))
 
         try:
-            end = Search(course.problem, made, trace).run(first)
+            end = concluded(course, Search(course.problem, made, trace), first)
         except _Stopped:
             end = best[0]
         course.searching = False
         return _Description(course, first, end, trace, apply).result()
+
+
+def concluded(course: ServoCourse, search: Search[ServoModel], model: ServoModel) -> ServoModel:
+    """The end of a search, without effects that are less likely right than wrong."""
+    problem = course.problem
+    while True:
+        model = search.run(model)
+        sure = {key: problem.certainty(model, need) for key, need in needs(course, model).items()}
+        weakest = min(sure, key=lambda key: sure[key], default=None)
+        if weakest is None or sure[weakest] >= LEAST_SURE:
+            return model
+        problem.banned |= {weakest}
+        less = reduced(course, model, weakest)
+        search.told("drop", model, less, True)
+        model = less
+
+
+def reduced(course: ServoCourse, model: ServoModel, key: ChosenEffect) -> ServoModel:
+    """A model without an effect, and what only stands beside it."""
+    problem = course.problem
+    owner = int(problem.data.owner[key.joint])
+    rest = model.keys - {key}
+    rest -= {k for k in problem.own(rest, owner) if EFFECTS[k.effect].beside == key.effect} - course.given
+    place = owner, problem.own(rest, owner)
+    if place not in problem.known:
+        problem.fitted([(*place, model.states[owner].values)], REFINED)
+    return problem.model(rest)
+
+
+def needs(course: ServoCourse, model: ServoModel) -> dict[ChosenEffect, Gain]:
+    """What each effect that was added gains given the others."""
+    search = Search(course.problem)
+    added = model.keys - course.given
+    return {key: search.gain(reduced(course, model, key), model) for key in added}
 
 
 def so_far(course: ServoCourse, first: ServoModel, model: ServoModel) -> BestSoFar:
@@ -238,13 +274,14 @@ class _Description:
     ) -> None:
         self.course, self.first, self.end, self.trace, self.apply = course, first, end, trace, apply
         self.problem, self.joints = course.problem, course.measurements.joints
+        self.gains = needs(course, end)
 
     def result(self) -> Diagnosis:
         """The result."""
         course = self.course
         course.say(Fact("servo-stage", values={"stage": "stairs"}))
         stairs = self.staircase()
-        last: Verdict = "unknown" if self.left().any() else "nothing-missing"
+        last: Verdict = "unknown" if self.problem.errs(self.end).any() else "nothing-missing"
         found = self.findings(stairs)
         taken = [
             Step(
@@ -271,13 +308,14 @@ class _Description:
             effects=estimate.entries(), parameters=estimate.parameters(),
             seconds=time.perf_counter() - course.began, stopped=course.stopped, notes=tuple(told),
             model=estimate.model(), torque_spread=course.judge.spread,
-            trace=tuple(map(self.told, self.trace)), criterion=self.criterion(), limit=self.limit(last, shown),
+            trace=tuple(map(self.told, self.trace)), criterion=self.criterion(),
+            limit=self.limit(last, shown),
         )  # fmt: skip
 
     def staircase(self) -> list[_Stair]:
         """The set's own model, then one effect more at a time, the weightiest first."""
         problem, owner = self.problem, self.problem.data.owner
-        gains = self.gains()
+        gains = self.gains
         order = sorted(gains, key=lambda key: -gains[key].delta)
         order.sort(key=lambda key: EFFECTS[key.effect].beside is not None)
         models = [self.first]
@@ -298,59 +336,33 @@ class _Description:
         values += [ends[1].values] if order else []
         errors = self.course.judge.many(values)
         estimates = [ends[0], *(None for _ in models[1:-1]), *([ends[1]] if order else [])]
-        added = [None, *order]
-        return [_Stair(*row) for row in zip(added, values, errors, estimates, strict=True)]
-
-    def gains(self) -> dict[ChosenEffect, Gain]:
-        """What each effect of the final model gains given the others."""
-        search = Search(self.problem)
-        out = {}
-        for key in self.end.keys - self.course.given:
-            rest = self.end.keys - {key}
-            needed = {
-                EFFECTS[k.effect].beside
-                for k in self.problem.own(rest, int(self.problem.data.owner[key.joint]))
-            }
-            rest = frozenset(
-                k
-                for k in rest
-                if not (
-                    key.effect in needed and EFFECTS[k.effect].beside == key.effect and k.joint == key.joint
-                )
-            )
-            owner = int(self.problem.data.owner[key.joint])
-            place = owner, self.problem.own(rest, owner)
-            if place not in self.problem.known:
-                self.problem.fitted([(*place, self.end.states[owner].values)], REFINED)
-            out[key] = search.gain(self.problem.model(rest), self.end)
-        return out
+        stairs = [_Stair(None, values[0], errors[0], estimates[0])]
+        for key, *rest in zip(order, values[1:], errors[1:], estimates[1:], strict=True):
+            stairs += [_Stair(one, *rest) for one in problem.of_joints(key)]
+        return stairs
 
     def findings(self, stairs: Sequence[_Stair]) -> list[Finding]:
         """One per added effect, in the order of the staircase."""
-        gains, last, out = self.gains(), stairs[-1], []
+        gains, last, out = self.gains, stairs[-1], []
         spread = self.course.judge.spread
         shares = step_shares([stair.errors for stair in stairs], spread)[1:]
-        for (before, after), share in zip(zip(stairs, stairs[1:], strict=False), shares, strict=True):
+        for (before, after), share in zip(pairwise(stairs), shares, strict=True):
             key = after.added
             assert key is not None and last.estimate is not None
-            need = gains[key]
-            left = unexplained(need, self.problem.samples, key.joint) if self.left()[key.joint] else 0.0
+            need = gains[self.problem.of_servo(key)]
+            sure = self.problem.certainty(self.end, need)
             old, new = (np.square(one.errors.stated).sum() for one in (before, after))
             out.append(
                 Finding(
                     key.effect, self.joints[key.joint or 0], score=float(np.clip(1 - new / old, 0.0, 1.0)),
-                    confidence=confidence(need.delta, left), parameters=last.estimate.of_effect(key),
-                    gain=float(need.delta), share=share,
+                    confidence=sure, parameters=last.estimate.of_effect(key), gain=float(need.delta),
+                    share=share,
                 )
             )  # fmt: skip
         return out
 
-    def left(self) -> np.ndarray:
-        """(n,) whether a joint's error is more than noise and tolerance."""
-        return self.problem.score(self.end).deviation > AT_NOISE * self.problem.least
-
     def joints_left(self) -> tuple[str, ...]:
-        return tuple(j for j, left in zip(self.joints, self.left(), strict=True) if left)
+        return tuple(j for j, left in zip(self.joints, self.problem.errs(self.end), strict=True) if left)
 
     def model_of(self, stair: _Stair) -> FlexibleModel:
         """Its model."""

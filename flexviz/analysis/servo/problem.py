@@ -1,17 +1,20 @@
-"""Models of joints that follow goals, for the search: which effects each servo has, fitted by its free motion."""
+"""Models of joints that follow goals, for the search: effects of each servo, fitted by its free motion."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from flexviz.analysis.diagnosis.criterion import Criterion, ModelScore, criterion_of
+from flexviz.analysis.diagnosis.course import LEAST_SURE
+from flexviz.analysis.diagnosis.criterion import Criterion, ModelScore, confidence, criterion_of, unexplained
 from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from flexviz.analysis.motion import MOTION, Residuals, deviations
 from flexviz.analysis.servo.fit import ServoData, ServoFit, fit_servos
-from flexviz.base.arrays import Array
+from flexviz.base.arrays import Array, Bools
+from flexviz.base.search import Gain, gain
 from flexviz.data.measurements import MeasurementSet
 from flexviz.data.noise import segments_noise
 from flexviz.model.effects import EFFECTS, ChosenEffect
@@ -36,6 +39,7 @@ from flexviz.model.servo import (
 
 STEPS = 12  # of a fit from rough values
 TRIED, REFINED = 3, 5  # steps of every candidate, and of the best
+AT_NOISE = 1.1  # times what counts, to which a model comes that lacks nothing
 BEST = 3  # candidates of a joint that are refined
 BEYOND = 0.9  # share of the samples that a limit leaves alone from which its fit starts
 
@@ -101,6 +105,7 @@ class ServoProblem:
         self.data = ServoData(motion, ~held, owners(measurements), center, spread, unit)
         self.least = np.hypot(self.noise, MOTION.tolerance * self.spread)
         self.known: dict[tuple[int, Keys], ServoState] = {}
+        self.banned: Keys = frozenset()
         self.refined: set[tuple[int, Keys]] = set()
         self.samples = np.full(measurements.robot.n, 100.0)
         self.criterion: Criterion = Criterion(self.samples, self.least, self.choices)
@@ -134,13 +139,9 @@ class ServoProblem:
         model = self.model(bare)
         for effect in dict.fromkeys(key.effect for key in sorted(self.given, key=_order)):
             more = frozenset(key for key in self.given if key.effect == effect)
-            asked = [
-                (o, model.states[o].values, self.own(model.keys, o), self.own(model.keys | more, o))
-                for o in owners
-            ]
-            self.fitted(
-                self.placed(model, [(o, new, values) for o, values, old, new in asked if new != old]), REFINED
-            )
+            having = [o for o in owners if self.own(more, o)]
+            asked = [(o, self.own(model.keys | more, o), model.states[o].values) for o in having]
+            self.fitted(self.placed(model, asked), REFINED)
             model = self.model(model.keys | more)
         values = model.values(self.data.owner)
         (fit,) = self.fitted([(o, self.own(self.given, o), values) for o in owners], REFINED)
@@ -159,6 +160,15 @@ class ServoProblem:
     def own(self, keys: Keys, owner: int) -> Keys:
         """Those of the effects that are one servo's."""
         return frozenset(k for k in keys if int(self.data.owner[k.joint]) == owner)
+
+    def of_joints(self, key: ChosenEffect) -> list[ChosenEffect]:
+        """An effect of a servo as the effects of its joints."""
+        return [replace(key, joint=int(j)) for j in self.joints(key, of_effect(key.effect)[0])]
+
+    def of_servo(self, key: ChosenEffect) -> ChosenEffect:
+        """The effect of a servo to which that of a joint belongs."""
+        shared = SHARED[of_effect(key.effect)[0]]
+        return replace(key, joint=int(self.data.owner[key.joint])) if shared else key
 
     def model(self, keys: Keys) -> ServoModel:
         """A model whose servos have been fitted."""
@@ -208,16 +218,15 @@ class ServoProblem:
             options += [(owner, keys, self.starting(start, new, i)) for i in range(count)]
             counts.append(count)
         slots = self.slots(options)
-        values = np.stack([self.joined(slot, options)[1] for slot in slots], axis=1)
-        theta = free_motion(self.data.own, values)
-        error = np.where(self.data.own.used, theta - self.data.own.theta, 0.0)
+        values, motion = np.stack([self.joined(slot, options)[1] for slot in slots], axis=1), self.data.thin
+        error = np.where(motion.used, free_motion(motion, values) - motion.theta, 0.0)
         nats = np.log(np.square(error).sum(axis=(1, 3)) + 1e-300)  # (V, n)
         found = np.empty(len(options))
         for slot, row in zip(slots, nats, strict=True):
             for owner, at in slot.items():
                 found[at] = (row * self.samples)[self.data.owner == owner].sum()
         ends = np.cumsum([0, *counts])
-        return [options[a + int(np.argmin(found[a:b]))] for a, b in zip(ends, ends[1:], strict=False)]
+        return [options[a + int(np.argmin(found[a:b]))] for a, b in pairwise(ends)]
 
     def slots(self, asked: Sequence[Asked]) -> list[dict[int, int]]:
         """Which of them are simulated at once: owner -> number, different servos in one."""
@@ -263,11 +272,17 @@ class ServoProblem:
         """(P, n) parameters that the set states."""
         return np.zeros((len(NAMES), self.n), bool)
 
-    def fitted(self, asked: Sequence[Asked], steps: int) -> list[ServoFit]:
-        """Fit servos with effects, from values (P, n); different servos are fitted at once."""
+    def fitted(self, asked: Sequence[Asked], steps: int, *, thin: bool = False) -> list[ServoFit]:
+        """Fit servos with effects, from values (P, n); different servos are fitted at once.
+
+        `thin`: by some of the stretches.
+        """
+        if not asked:
+            return []
         slots = self.slots(asked)
         models = [self.joined(slot, asked) for slot in slots]
-        fits = fit_servos(self.data, models, steps, self.samples, self.check)
+        motion = self.data.thin if thin else self.data.some
+        fits = fit_servos(self.data, models, steps, self.samples, motion, self.check)
         for slot, fit in zip(slots, fits, strict=True):
             parts = self.residuals(fit.error)
             sigma, held = deviations(parts, MOTION.outlier), deviations(parts[-1:], MOTION.outlier)
@@ -305,7 +320,7 @@ class ServoProblem:
         held[INDEX["gain"]] = False
         factors = np.where(SCALED, 1.0, 0.0)[:, None]
         models = [(held, values * np.exp(factors * turn)) for turn in (0.0, np.log(2.0), -np.log(2.0))]
-        fits = fit_servos(self.data, models, REFINED, self.samples, self.check)
+        fits = fit_servos(self.data, models, REFINED, self.samples, check=self.check)
         own, twice, half = (deviations(self.residuals(fit.error), MOTION.outlier) for fit in fits)
         clear = np.minimum(twice, half) > (1 + EVIDENCE.share) * np.maximum(own, self.least)
         return np.array([clear[self.data.owner == o].any() for o in self.data.owner]) | ~free[INDEX["gain"]]
@@ -325,7 +340,7 @@ class ServoProblem:
                 continue
             shared = SHARED[of_effect(effect)[0]]
             out += [ChosenEffect(effect, int(j)) for j in (joints[:1] if shared else joints)]
-        return out
+        return [key for key in out if key not in self.banned]
 
     def larger(self, model: ServoModel) -> list[tuple[Hashable, ServoModel]]:
         """Models with one effect more, and the servo to which it belongs."""
@@ -353,7 +368,7 @@ class ServoProblem:
         """Models of which one servo has other effects, fitted: the best few of each servo."""
         fresh = [one for one in asked if one[:2] not in self.known]
         if fresh:
-            self.fitted(self.placed(model, fresh), TRIED)
+            self.fitted(self.placed(model, fresh), TRIED, thin=True)
         best: list[Asked] = []
         for owner in model.states:
             mine = [(o, k) for o, k, _ in asked if o == owner]
@@ -365,7 +380,9 @@ class ServoProblem:
         out = []
         for owner, keys, _ in best:
             rest = frozenset(k for k in others if int(self.data.owner[k.joint]) != owner)
-            out.append((owner, self.model(rest | keys)))
+            found = self.model(rest | keys)
+            if self.certainty(found, gain(self.score(model), self.score(found))) >= LEAST_SURE:
+                out.append((owner, found))
         return out
 
     def united(self, model: ServoModel, others: list[ServoModel]) -> ServoModel:
@@ -395,6 +412,16 @@ class ServoProblem:
         if fresh:
             self.fitted(fresh, REFINED)
         return sorted(map(self.model, out), key=lambda m: self.score(m).total)
+
+    def certainty(self, model: ServoModel, need: Gain) -> float:
+        """Probability that an effect of a model is right, against "none of these", by what it gains."""
+        joint = int(np.argmax(need.by_joint / self.samples))
+        left = unexplained(need, self.samples, joint) if self.errs(model)[joint] else 0.0
+        return confidence(need.delta, left)
+
+    def errs(self, model: ServoModel) -> Bools:
+        """(n,) whether a joint's error is more than noise and tolerance."""
+        return self.score(model).deviation > AT_NOISE * self.least
 
     def score(self, model: ServoModel) -> ModelScore:
         """What the criterion says of a model."""

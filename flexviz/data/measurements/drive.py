@@ -58,7 +58,7 @@ def check_goals(goals: Array, theta: Array, joints: tuple[str, ...], file: Path)
             continue
         ratio = float(np.ptp(column) / max(np.ptp(position), 1e-9))
         meant = (
-            "in degrees? divide by 57.3" if 30 < ratio < 110 else "in the unit and with the zero of theta?"
+            "in degrees? divide by 57.3" if 30 < ratio < 110 else "in the unit of theta, from its zero?"
         )
         message = f"the goal is {away:.3g} rad away from theta_{joint}, in the median: is it {meant}"
         raise InputError(f"{message}; expected the goal of theta_{joint} [rad]", file=file, place=place)

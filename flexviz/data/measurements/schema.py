@@ -76,7 +76,7 @@ class DriveTable(StrictTable):
     same: list[Annotated[list[Text], Field(min_length=2)]] = Field(default_factory=list)
 
     def check_joints(self, joints: Sequence[str], file: Path) -> None:
-        """InputError for a gain that is missing or zero, or a joint that does not exist or is listed twice."""
+        """InputError for a gain that is not above zero, or a joint that does not exist or is listed twice."""
         if self.kp is not None:
             if len(self.kp) not in (1, len(joints)):
                 found = f"{len(self.kp)} values for {len(joints)} joints"

@@ -1,4 +1,4 @@
-"""Effects of joints that follow goals: parts of the firmware's law, of which the recorded torque knows nothing."""
+"""Effects of joints that follow goals: parts of the law of their servo."""
 
 from __future__ import annotations
 

@@ -60,26 +60,20 @@ def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> Drive
     pieces = []
     link = LinkDynamics(measurements.robot)
     for g, group in enumerate(measurements.groups):
-        bodies = measurements.robot.with_payload(group.bodies) if False else None
         parameters = measurements.robot.cad_parameters + measurements.robot.payload_parameters(group.bodies)
-        goal = group.theta_ref
         for segment in group.segments:
             wanted = group.at("theta_ref", segment.time)
             signals = _masses(link, parameters, segment.theta, segment.step)
             count = len(segment)
             warm, length = round(WARM_UP / segment.step), round(STRETCH / segment.step)
-            starts = [0] if whole else range(0, max(count - warm, 1), length)
-            for at in starts:
-                lead = max(at, 0)
+            for at in [0] if whole else range(0, max(count - warm, 1), length):
                 stop = count if whole else min(at + warm + length, count)
-                pieces.append(
-                    (g, segment.step, lead, stop, warm if at or True else 0, wanted, segment.theta, signals)
-                )
+                pieces.append((g, segment.step, at, stop, warm, wanted, segment.theta, signals))
     T = max(stop - start for _, _, start, stop, *_ in pieces)
     n, C = measurements.robot.n, len(pieces)
     out = {k: np.zeros((T, n, C)) for k in ("goal", "theta", "rest", "slope", "own", "load")}
     used, speed = np.zeros((T, n, C), bool), np.zeros((n, C))
-    for c, (g, step, a, b, warm, wanted, theta, (rest, slope, own, load, v)) in enumerate(pieces):
+    for c, (_, _, a, b, warm, wanted, theta, (rest, slope, own, load, v)) in enumerate(pieces):
         for name, signal in zip(out, (wanted, theta, rest, slope, own, load), strict=True):
             out[name][: b - a, :, c] = signal[a:b]
             out[name][b - a :, :, c] = signal[b - 1]
@@ -91,7 +85,8 @@ def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> Drive
     )  # fmt: skip
 
 
-def _masses(link: LinkDynamics, parameters: Array, theta: Array, step: float):
+def _masses(link: LinkDynamics, parameters: Array, theta: Array, step: float) -> tuple[Array, ...]:
+    """rest, slope, own, load and speed of `DrivenMotion` along measured angles (N, n), each (N, n)."""
     b, a = butter(2, min(2 * BAND * step, 0.9))
     q = filtfilt(b, a, theta, axis=0)
     v = np.gradient(q, step, axis=0)

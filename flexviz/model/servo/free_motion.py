@@ -2,9 +2,9 @@
 
     (M_jj + B) θ̈ = u − h_j − f_v θ̇ − f,    u = kp · dead(goal(t − d) − θ) within ± limit
 
-h_j is what the masses do to the joint along the measured motion of the others, and its change with the joint's
-own angle. Dry friction holds a joint at rest up to its size. Half-implicit steps of second order: the angle by
-the new velocity, viscous friction by the trapezoidal rule.
+h_j is what the masses do to the joint along the measured motion of the others, and its change with the
+joint's own angle. Dry friction holds a joint at rest up to its size. Half-implicit steps of second order: the
+angle by the new velocity, viscous friction by the trapezoidal rule.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ from flexviz.model.servo.driven_motion import DrivenMotion
 from flexviz.model.servo.parameters import ABSENT, INDEX
 
 LONGEST = 0.005  # [s] of a step
-AT_ONCE = 16  # variants
+AT_ONCE = 16_000  # joints of stretches of variants, whose states stay in the processor's cache
 TURN = 0.3  # [rad] of the servo's own vibration in a step
 
 
 def free_motion(motion: DrivenMotion, values: Array) -> Array:
-    """θ (V, T, n, C) [rad] of the joints with parameters `values` (P, V, n), from the measured first state."""
+    """θ (V, T, n, C) [rad] of joints with parameters `values` (P, V, n), from the measured first state."""
     V, (T, n, C) = values.shape[1], motion.goal.shape
     out = np.empty((V, T, n, C))
-    for at in range(0, V, AT_ONCE):
-        here = slice(at, at + AT_ONCE)
+    count = max(1, AT_ONCE // (n * C))
+    for at in range(0, V, count):
+        here = slice(at, at + count)
         _integrate(motion, values[:, here], out[here])
     return out
 
 
 def _integrate(motion: DrivenMotion, values: Array, out: Array) -> None:
-    """The same of few variants, whose states stay in the processor's cache."""
+    """The same of few variants."""
     p = {name: values[k][:, :, None] for name, k in INDEX.items()}
     used = {name for name, k in INDEX.items() if np.any(values[k] != ABSENT[k])}
     V, T, n, C = out.shape
@@ -42,10 +43,12 @@ def _integrate(motion: DrivenMotion, values: Array, out: Array) -> None:
     least = -limit
     limited, banded = "torque_limit.limit" in used, "dead_band.half_width" in used
     stribeck, inverse = p["stribeck_friction.stribeck"], 1.0 / p["stribeck_friction.velocity"]
-    curved = "stribeck_friction.stribeck" in used
+    curved = np.flatnonzero(stribeck.any(axis=(1, 2)))
     quadratic, drag = p["quadratic_friction.quadratic"], "quadratic_friction.quadratic" in used
     motor, back = p["driving_friction.motor_driving"], p["driving_friction.load_driving"]
-    driving = not used.isdisjoint(("driving_friction.motor_driving", "driving_friction.load_driving"))
+    driving = np.flatnonzero((motor + back).any(axis=(1, 2)))
+    stribeck, inverse, motor, back = stribeck[curved], inverse[curved], motor[driving], back[driving]
+    varies = bool(len(curved) or len(driving))
     coulomb, loaded = p["coulomb_friction.coulomb"], "load_dependent_friction.coefficient" in used
     load, spring = p["load_dependent_friction.coefficient"], p["cable_spring.stiffness"]
     viscous = p["motor_viscous_friction"]
@@ -69,8 +72,7 @@ def _integrate(motion: DrivenMotion, values: Array, out: Array) -> None:
         np.add(away[i], offset, out=middle)
         np.copyto(goal, now)
         dry = (coulomb + load * size[i] if loaded else coulomb) * push
-        rough = push * stribeck if curved else 0.0
-        rubs = push * size[i] if driving else 0.0
+        rough, rubs = push[curved] * stribeck, push[driving] * size[i]
         for _ in range(sub):
             np.subtract(goal, q, out=e)
             if banded:
@@ -82,16 +84,16 @@ def _integrate(motion: DrivenMotion, values: Array, out: Array) -> None:
             f -= middle
             np.multiply(slope, q, out=e)
             f -= e
-            if drag:
-                f -= quadratic * w * np.abs(w)
             f *= push
             w *= keeps
             w += f
+            if drag:
+                w /= 1.0 + push * quadratic * np.abs(w)
             total = dry
-            if curved:
-                total = total + rough * np.exp(-np.square(w * inverse))
-            if driving:
-                total = total + rubs * np.where(w * motion.load[i] > 0, motor, back)
+            if varies:
+                total = dry.copy()
+                total[curved] += rough * np.exp(-np.square(w[curved] * inverse))
+                total[driving] += rubs * np.where(w[driving] * motion.load[i] > 0, motor, back)
             np.minimum(w, total, out=held)
             np.negative(total, out=e)
             np.maximum(held, e, out=held)

@@ -31,9 +31,9 @@ def fitted(fact: Fact) -> str:
 def no_scale(fact: Fact) -> str:
     """Joints of which only ratios are determined."""
     return (
-        f"scale of {listed(list(fact.joints))} not determined: gain, inertia and friction are known in ratio to "
-        "each other only; state kp in [drive], hang a known mass on the joint, or say which servos are alike "
-        "(same in [drive])"
+        f"scale of {listed(list(fact.joints))} not determined: gain, inertia and friction are known in ratio "
+        "to each other only; state kp in [drive], hang a known mass on the joint, or say which servos are "
+        "alike (same in [drive])"
     )
 
 
