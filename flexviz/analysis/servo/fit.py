@@ -52,6 +52,15 @@ class ServoData:
     spread: Array
     unit: Array
 
+    def alike(self, inner: Array, free: Bools) -> Array:
+        """What is fitted, (P, n), with one value for all joints of a servo where they share it."""
+        out = inner.copy()
+        for owner in np.unique(self.owner):
+            same = self.owner == owner
+            rows = SHARED & free[:, same].any(axis=1)
+            out[np.ix_(rows, same)] = inner[np.ix_(rows, same)].mean(axis=1, keepdims=True)
+        return out
+
     @cached_property
     def own(self) -> DrivenMotion:
         """Of the fit groups."""
@@ -135,8 +144,7 @@ class _Descent:
         self, data: ServoData, motion: DrivenMotion, free: Bools, values: Array, weight: Array
     ) -> None:
         self.data, self.motion, self.free, self.weight = data, motion, free, weight
-        self.z = to_inner(values)
-        self.known = to_inner(values)
+        self.z = data.alike(to_inner(values), free)
         self.place = data.place(free)
         self.n = free.shape[1]
         self.variants = np.flatnonzero(free.any(axis=1))
