@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools
-from flexviz.model.servo import LOG, SHARED, SIZE, DrivenMotion, free_motion
+from flexviz.model.servo import LOG, SHARED, SIZE, TURN, DrivenMotion, free_motion
 
 AT_ONCE = 160  # joints' models that are simulated together
 SHIFT = 0.01  # of a logarithm, or of a usual size: by which a derivative is taken
+FINE = 0.05  # [rad] of a servo's own vibration in a step, where values are stated
 FEW, ENOUGH = 24, 45  # stretches of a selection
 DAMPING = 1e-2, 0.2, 8.0  # at first; after a step that helps, and after one that does not
 FARTHEST = 1.5  # [-] a step of a logarithm
@@ -98,12 +99,12 @@ def to_inner(values: Array) -> Array:
 
 def to_values(inner: Array) -> Array:
     log = LOG.reshape(-1, *[1] * (inner.ndim - 1))
-    return np.where(log, np.exp(np.where(log, np.minimum(inner, 50.0), 0.0)), inner)
+    return np.where(log, np.exp(np.where(log, inner, 0.0)), inner)
 
 
 def fit_servos(
     data: ServoData, models: Sequence[tuple[Bools, Array]], iterations: int, weight: Array,
-    motion: DrivenMotion | None = None, check: Callable[[], None] = lambda: None,
+    motion: DrivenMotion | None = None, turn: float = TURN, check: Callable[[], None] = lambda: None,
 ) -> list[ServoFit]:  # fmt: skip
     """Models (free, values) fitted: Gauss–Newton steps with damping for each joint, or joints of one servo.
 
@@ -116,23 +117,23 @@ def fit_servos(
         batch: list[_Descent] = []
         for one in todo:
             if sum(len(b.variants) for b in batch) + len(one.variants) > AT_ONCE and batch:
-                _evaluate(motion, batch)
+                _evaluate(motion, batch, turn)
                 batch = []
             batch.append(one)
             check()
-        _evaluate(motion, batch)
+        _evaluate(motion, batch, turn)
         for one in todo:
             one.judge()
             if k < iterations:
                 one.step()
     values = np.stack([to_values(one.best[0]) for one in todo], axis=1)
-    errors = free_motion(data.motion, values) - data.motion.theta
+    errors = free_motion(data.motion, values, turn) - data.motion.theta
     return [ServoFit(one.free, values[:, k], errors[k]) for k, one in enumerate(todo)]
 
 
-def _evaluate(motion: DrivenMotion, batch: Sequence[_Descent]) -> None:
+def _evaluate(motion: DrivenMotion, batch: Sequence[_Descent], turn: float) -> None:
     values = np.concatenate([one.points() for one in batch], axis=1)
-    theta, at = free_motion(motion, values), 0
+    theta, at = free_motion(motion, values, turn), 0
     for one in batch:
         count = len(one.variants) + 1
         one.take(theta[at : at + count])
@@ -289,7 +290,7 @@ class Slopes:
 def slopes_at(data: ServoData, free: Bools, values: Array, weight: Array) -> Slopes:
     """Derivatives at a model, (P, n) each."""
     one = _Descent(data, data.own, free, values, weight)
-    theta = free_motion(data.own, one.points())
+    theta = free_motion(data.own, one.points(), FINE)
     one.take(theta)
     one.judge()
     hessian, _, scale = one.system()

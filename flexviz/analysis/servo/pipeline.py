@@ -12,11 +12,12 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.analysis.diagnosis.course import LEAST_SURE
 from flexviz.analysis.diagnosis.result import Diagnosis, Finding, Step
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from flexviz.analysis.estimation import PredictionErrors
 from flexviz.analysis.identification.result import Identification, ResidualSeries
 from flexviz.analysis.identification.settings import FitSettings
 from flexviz.analysis.servo.estimate import ServoEstimate, servo_model
-from flexviz.analysis.servo.fit import fit_servos
+from flexviz.analysis.servo.fit import FINE, fit_servos
 from flexviz.analysis.servo.judge import TrajectoryJudge
 from flexviz.analysis.servo.problem import REFINED, STEPS, Keys, ServoModel, ServoProblem, owners
 from flexviz.base.arrays import Array
@@ -29,13 +30,14 @@ from flexviz.content.records import (
     DetectionLimit,
     Move,
     ResidualSummary,
+    Tie,
     Verdict,
     normalised,
     step_shares,
 )
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.model.servo import ABSENT, INDEX, SERVO_EFFECTS, SHARED, of_effect
+from flexviz.model.servo import ABSENT, INDEX, RIVALS, SERVO_EFFECTS, SHARED, of_effect
 from flexviz.model.servo.driven_motion import BAND
 from flexviz.robot.model import FlexibleModel
 
@@ -81,7 +83,7 @@ class ServoCourse:
         problem = self.problem
         values = model.values(problem.data.owner)
         free = problem.free(model.keys)
-        (fit,) = fit_servos(problem.data, [(free, values)], steps, problem.samples)
+        (fit,) = fit_servos(problem.data, [(free, values)], steps, problem.samples, turn=FINE)
         every = [one for key in model.keys for one in problem.of_joints(key)]
         order = sorted(every, key=lambda k: (k.joint, SERVO_EFFECTS.index(k.effect)))
         sure = problem.scale_determined(free, fit.values)
@@ -251,6 +253,24 @@ def needs(course: ServoCourse, model: ServoModel) -> dict[ChosenEffect, Gain]:
     return {key: search.gain(reduced(course, model, key), model) for key in added}
 
 
+def tied(problem: ServoProblem, model: ServoModel, key: ChosenEffect) -> list[Tie]:
+    """Effects that explain the motion as well as one of a model in its place."""
+    owner = int(problem.data.owner[key.joint])
+    own = problem.own(model.keys, owner)
+    rivals = next(names for names in RIVALS if key.effect in names)
+    others = [one for one in problem.candidates(model, owner) if one.effect in rivals]
+    asked = [(owner, (own - {key}) | {one}, model.states[owner].values) for one in others]
+    fresh = [one for one in asked if one[:2] not in problem.known]
+    problem.fitted(problem.placed(model, fresh), REFINED)
+    out, mine = [], problem.data.owner == owner
+    best = problem.nats(model.states[owner])[mine].sum()
+    for other, (_, keys, _) in zip(others, asked, strict=True):
+        loss = float(problem.nats(problem.known[owner, keys])[mine].sum() - best)
+        if loss < THRESHOLDS.criterion.temperature:
+            out.append(Tie(other.effect, problem.measurements.joints[key.joint or 0], 1.0))
+    return out
+
+
 def so_far(course: ServoCourse, first: ServoModel, model: ServoModel) -> BestSoFar:
     """The best model of a search that goes on."""
     problem, joints = course.problem, course.measurements.joints
@@ -356,7 +376,7 @@ class _Description:
                 Finding(
                     key.effect, self.joints[key.joint or 0], score=float(np.clip(1 - new / old, 0.0, 1.0)),
                     confidence=sure, parameters=last.estimate.of_effect(key), gain=float(need.delta),
-                    share=share,
+                    share=share, inseparable_from=tuple(tied(self.problem, self.end, self.problem.of_servo(key))),
                 )
             )  # fmt: skip
         return out

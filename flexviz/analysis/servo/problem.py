@@ -282,7 +282,7 @@ class ServoProblem:
         slots = self.slots(asked)
         models = [self.joined(slot, asked) for slot in slots]
         motion = self.data.thin if thin else self.data.some
-        fits = fit_servos(self.data, models, steps, self.samples, motion, self.check)
+        fits = fit_servos(self.data, models, steps, self.samples, motion, check=self.check)
         for slot, fit in zip(slots, fits, strict=True):
             parts = self.residuals(fit.error)
             sigma, held = deviations(parts, MOTION.outlier), deviations(parts[-1:], MOTION.outlier)

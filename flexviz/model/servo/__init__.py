@@ -1,7 +1,7 @@
 """Joints that follow goals: the firmware's law, and the free motion that follows from it."""
 
 from flexviz.model.servo.driven_motion import DrivenMotion, driven_motion
-from flexviz.model.servo.free_motion import free_motion
+from flexviz.model.servo.free_motion import TURN, free_motion
 from flexviz.model.servo.parameters import (
     ABSENT,
     CENTER,
@@ -38,6 +38,7 @@ __all__ = [
     "SPREAD",
     "START",
     "TORQUE",
+    "TURN",
     "DrivenMotion",
     "absent",
     "driven_motion",

@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.signal import butter, filtfilt
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
 
 from flexviz.base.arrays import Array, Bools
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.equation.link import LinkDynamics
 
-BAND = (
-    8.0  # [Hz] of the motion of joints that follow goals, to which other joints' accelerations are smoothed
-)
-STRETCH, WARM_UP = (
-    5.0,
-    1.0,
-)  # [s] simulated from a measured state, and the beginning of it that does not count
+BAND, ORDER = 8.0, 5  # [Hz] to which measured motion is smoothed for its accelerations
+STRETCH, WARM_UP = 5.0, 1.0  # [s] simulated from a measured state; before that, what does not count
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +83,10 @@ def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> Drive
 
 def _masses(link: LinkDynamics, parameters: Array, theta: Array, step: float) -> tuple[Array, ...]:
     """rest, slope, own, load and speed of `DrivenMotion` along measured angles (N, n), each (N, n)."""
-    b, a = butter(2, min(2 * BAND * step, 0.9))
-    q = filtfilt(b, a, theta, axis=0)
-    v = np.gradient(q, step, axis=0)
-    acc = np.gradient(v, step, axis=0)
+    time = np.arange(len(theta)) * step
+    low_pass = butter(ORDER, min(2 * BAND * step, 0.9), output="sos")
+    curve = make_interp_spline(time, sosfiltfilt(low_pass, theta, axis=0), k=5)
+    q, v, acc = (curve(time, nu=k) for k in range(3))
     found = link.evaluate([(slice(0, len(q)), parameters)], q, v, acc)
     own = np.einsum("kii->ki", found.mass)
     load = link.torque(parameters, q, v, acc)
