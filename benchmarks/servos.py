@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.independent.servo_simulator import PENDULUM, Servo, random_goals, simulated
+from tests.independent.servo_simulator import PENDULUM, STEP, Servo, random_goals, simulated
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
 EFFECTS = (
@@ -119,7 +119,12 @@ def intervals(result, joints: Sequence[str], truth: Sequence[Servo]) -> tuple[tu
     inside, sure = [], []
     for p in result.parameters:
         servo = truth[joints.index(p.joint)]
-        own = {"motor_inertia": servo.armature, "motor_viscous_friction": servo.viscous, "position_control.gain": servo.gain}
+        held = servo.gain * STEP / 2  # a torque that is held for a step is half a step late
+        own = {
+            "motor_inertia": servo.armature,
+            "motor_viscous_friction": servo.viscous - held,
+            "position_control.gain": servo.gain,
+        }
         effect, _, parameter = p.name.partition(".")
         if p.name in own:
             value = own[p.name]

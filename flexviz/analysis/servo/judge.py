@@ -31,9 +31,14 @@ class TrajectoryJudge:
     shows how the motion began.
     """
 
-    def __init__(self, measurements: MeasurementSet) -> None:
+    def __init__(self, measurements: MeasurementSet, motion: DrivenMotion | None = None) -> None:
         self.measurements = measurements
-        self.motion: DrivenMotion = driven_motion(measurements, whole=True)
+        self.motion = motion or driven_motion(measurements, whole=True)
+
+    def refreshed(self, values: Array) -> TrajectoryJudge:
+        """One that takes fast motion of the other joints from the free motion of a model, (P, n)."""
+        theta = free_motion(self.motion, values[:, None])[0]
+        return TrajectoryJudge(self.measurements, driven_motion(self.measurements, theta, whole=True))
 
     @cached_property
     def noise(self) -> tuple[float, ...]:

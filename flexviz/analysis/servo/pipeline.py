@@ -44,6 +44,9 @@ from flexviz.robot.model import FlexibleModel
 OBSERVER = "butterworth-zero-phase"  # of the accelerations of the measured motion
 
 
+CLOSER = 0.9  # of a deviation, below which another search may find what it has hidden
+
+
 class _Stopped(Exception):
     """Raised between simulations when the user stops."""
 
@@ -135,7 +138,7 @@ def identify_servos(
 
 def identification(course: ServoCourse, estimate: ServoEstimate) -> Identification:
     """The result of a model."""
-    set_, judge = course.measurements, course.judge
+    set_, judge = course.measurements, course.judge.refreshed(estimate.values)
     errors, runs = judge.errors(estimate.values), judge.runs(estimate.values)
     parameters, noise = estimate.parameters(), np.array(judge.noise)
     names = tuple(p.label for p in parameters)
@@ -221,9 +224,15 @@ def diagnose_servos(
 
 def concluded(course: ServoCourse, search: Search[ServoModel], model: ServoModel) -> ServoModel:
     """The end of a search, without effects that are less likely right than wrong."""
-    problem = course.problem
+    problem, first = course.problem, True
     while True:
         model = search.run(model)
+        if first:
+            first = False
+            before = problem.score(model).deviation
+            model = again(problem, model)
+            if np.any(problem.score(model).deviation < CLOSER * before):
+                continue
         sure = {key: problem.certainty(model, need) for key, need in needs(course, model).items()}
         weakest = min(sure, key=lambda key: sure[key], default=None)
         if weakest is None or sure[weakest] >= LEAST_SURE:
@@ -232,6 +241,15 @@ def concluded(course: ServoCourse, search: Search[ServoModel], model: ServoModel
         less = reduced(course, model, weakest)
         search.told("drop", model, less, True)
         model = less
+
+
+def again(problem: ServoProblem, model: ServoModel) -> ServoModel:
+    """A model, fitted once more with what its free motion says of the other joints."""
+    values = model.values(problem.data.owner)
+    problem.refresh(values)
+    owners = sorted(model.states)
+    problem.fitted([(o, problem.own(model.keys, o), values) for o in owners], REFINED)
+    return problem.model(model.keys)
 
 
 def reduced(course: ServoCourse, model: ServoModel, key: ChosenEffect) -> ServoModel:
@@ -294,6 +312,7 @@ class _Description:
     ) -> None:
         self.course, self.first, self.end, self.trace, self.apply = course, first, end, trace, apply
         self.problem, self.joints = course.problem, course.measurements.joints
+        self.judge = course.judge.refreshed(end.values(self.problem.data.owner))
         self.gains = needs(course, end)
 
     def result(self) -> Diagnosis:
@@ -354,7 +373,7 @@ class _Description:
         ends = [self.course.finished(one) for one in (models[0], models[-1])]
         values = [ends[0].values, *(m.values(owner) for m in models[1:-1])]
         values += [ends[1].values] if order else []
-        errors = self.course.judge.many(values)
+        errors = self.judge.many(values)
         estimates = [ends[0], *(None for _ in models[1:-1]), *([ends[1]] if order else [])]
         stairs = [_Stair(None, values[0], errors[0], estimates[0])]
         for key, *rest in zip(order, values[1:], errors[1:], estimates[1:], strict=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -135,6 +136,8 @@ class ServoProblem:
         owners = sorted(set(self.data.owner.tolist()))
         bare: Keys = frozenset()
         (fit,) = self.fitted([(o, bare, absent(self.n)) for o in owners], STEPS)
+        self.refresh(fit.values)
+        (fit,) = self.fitted([(o, bare, fit.values) for o in owners], REFINED)
         self.renew(fit)
         model = self.model(bare)
         for effect in dict.fromkeys(key.effect for key in sorted(self.given, key=_order)):
@@ -149,6 +152,21 @@ class ServoProblem:
         self.known.clear()
         self.fitted([(o, self.own(self.given, o), fit.values) for o in owners], TRIED)
         return self.model(self.given)
+
+    def refresh(self, values: Array) -> None:
+        """Take what the joints do to each other from the free motion of a model, (P, n), where it is fast.
+
+        There the measured motion is noise; nothing that was fitted before holds exactly.
+        """
+        theta = free_motion(self.whole, values[:, None])[0]
+        self.data = replace(self.data, motion=driven_motion(self.measurements, theta))
+        self.known.clear()
+        self.refined.clear()
+
+    @cached_property
+    def whole(self) -> DrivenMotion:
+        """Each stretch without a gap as it is."""
+        return driven_motion(self.measurements, whole=True)
 
     def renew(self, fit: ServoFit) -> bool:
         """Measure anew how many samples are independent; whether that changes what counts."""
@@ -210,6 +228,8 @@ class ServoProblem:
 
     def placed(self, model: ServoModel, asked: Sequence[Asked]) -> list[Asked]:
         """The same, each from the best of the values that are tried for what is new."""
+        if not asked:
+            return []
         options: list[Asked] = []
         counts = []
         for owner, keys, start in asked:

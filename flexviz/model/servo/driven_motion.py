@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -51,16 +52,27 @@ class DrivenMotion:
         return DrivenMotion(*(np.ascontiguousarray(one[..., chosen]) for one in arrays))
 
 
-def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> DrivenMotion:
-    """The motion of all groups, cut; `whole`: each stretch without a gap as it is."""
-    pieces = []
+def driven_motion(
+    measurements: MeasurementSet, about: Array | None = None, *, whole: bool = False
+) -> DrivenMotion:
+    """The motion of all groups, cut.
+
+    Args:
+        measurements: the set.
+        about: (T, n, C) [rad], a free motion of the whole stretches: above `BAND` the masses' motion is that.
+        whole: each stretch without a gap as it is.
+    """
+    pieces: list[tuple[Any, ...]] = []
+    segments = 0
     link = LinkDynamics(measurements.robot)
     for g, group in enumerate(measurements.groups):
         parameters = measurements.robot.cad_parameters + measurements.robot.payload_parameters(group.bodies)
         for segment in group.segments:
             wanted = group.at("theta_ref", segment.time)
-            signals = _masses(link, parameters, segment.theta, segment.step)
             count = len(segment)
+            known = None if about is None else about[:count, :, segments]
+            signals = _masses(link, parameters, segment.theta, segment.step, known)
+            segments += 1
             warm, length = round(WARM_UP / segment.step), round(STRETCH / segment.step)
             for at in [0] if whole else range(0, max(count - warm, 1), length):
                 stop = count if whole else min(at + warm + length, count)
@@ -81,11 +93,15 @@ def driven_motion(measurements: MeasurementSet, *, whole: bool = False) -> Drive
     )  # fmt: skip
 
 
-def _masses(link: LinkDynamics, parameters: Array, theta: Array, step: float) -> tuple[Array, ...]:
+def _masses(
+    link: LinkDynamics, parameters: Array, theta: Array, step: float, about: Array | None
+) -> tuple[Array, ...]:
     """rest, slope, own, load and speed of `DrivenMotion` along measured angles (N, n), each (N, n)."""
     time = np.arange(len(theta)) * step
     low_pass = butter(ORDER, min(2 * BAND * step, 0.9), output="sos")
-    curve = make_interp_spline(time, sosfiltfilt(low_pass, theta, axis=0), k=5)
+    known = np.zeros_like(theta) if about is None else about
+    smooth = known + sosfiltfilt(low_pass, theta - known, axis=0)
+    curve = make_interp_spline(time, smooth, k=5)
     q, v, acc = (curve(time, nu=k) for k in range(3))
     found = link.evaluate([(slice(0, len(q)), parameters)], q, v, acc)
     own = np.einsum("kii->ki", found.mass)
