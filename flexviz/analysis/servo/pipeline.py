@@ -44,6 +44,7 @@ from flexviz.robot.model import FlexibleModel
 OBSERVER = "butterworth-zero-phase"  # of the accelerations of the measured motion
 
 
+LOADED = ("load_dependent_friction", "driving_friction")  # which differ by a scale of the torque, if at all
 CLOSER = 0.9  # of a deviation, below which another search may find what it has hidden
 
 
@@ -90,6 +91,9 @@ class ServoCourse:
         every = [one for key in model.keys for one in problem.of_joints(key)]
         order = sorted(every, key=lambda k: (k.joint, SERVO_EFFECTS.index(k.effect)))
         sure = problem.scale_determined(free, fit.values)
+        for key in model.keys:
+            if key.effect in LOADED and any(tie.effect in LOADED for tie in tied(problem, model, key)):
+                sure[problem.data.owner == problem.data.owner[key.joint]] = False
         return ServoEstimate(
             self.measurements, problem.data, problem.samples, free, fit.values, tuple(order), sure
         )
@@ -276,7 +280,10 @@ def tied(problem: ServoProblem, model: ServoModel, key: ChosenEffect) -> list[Ti
     owner = int(problem.data.owner[key.joint])
     own = problem.own(model.keys, owner)
     rivals = next(names for names in RIVALS if key.effect in names)
-    others = [one for one in problem.candidates(model, owner) if one.effect in rivals]
+    others = [
+        one for one in problem.candidates(model, owner)
+        if one.effect in rivals and EFFECTS[one.effect].beside != key.effect
+    ]  # fmt: skip
     asked = [(owner, (own - {key}) | {one}, model.states[owner].values) for one in others]
     fresh = [one for one in asked if one[:2] not in problem.known]
     problem.fitted(problem.placed(model, fresh), REFINED)
@@ -284,7 +291,7 @@ def tied(problem: ServoProblem, model: ServoModel, key: ChosenEffect) -> list[Ti
     best = problem.nats(model.states[owner])[mine].sum()
     for other, (_, keys, _) in zip(others, asked, strict=True):
         loss = float(problem.nats(problem.known[owner, keys])[mine].sum() - best)
-        if loss < THRESHOLDS.criterion.temperature:
+        if abs(loss) < THRESHOLDS.criterion.temperature:
             out.append(Tie(other.effect, problem.measurements.joints[key.joint or 0], 1.0))
     return out
 
@@ -395,10 +402,15 @@ class _Description:
                 Finding(
                     key.effect, self.joints[key.joint or 0], score=float(np.clip(1 - new / old, 0.0, 1.0)),
                     confidence=sure, parameters=last.estimate.of_effect(key), gain=float(need.delta),
-                    share=share, inseparable_from=tuple(tied(self.problem, self.end, self.problem.of_servo(key))),
+                    share=share, inseparable_from=tuple(self.ties(key)),
                 )
             )  # fmt: skip
         return out
+
+    def ties(self, key: ChosenEffect) -> list[Tie]:
+        """Effects of the joint that explain its motion as well."""
+        own = self.joints[key.joint or 0]
+        return [replace(tie, joint=own) for tie in tied(self.problem, self.end, self.problem.of_servo(key))]
 
     def joints_left(self) -> tuple[str, ...]:
         return tuple(j for j, left in zip(self.joints, self.problem.errs(self.end), strict=True) if left)
