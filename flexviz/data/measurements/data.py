@@ -64,6 +64,7 @@ class Group:
         tau_joint: (N, n) measured joint torques at `time` [Nm], or None; NaN likewise.
         theta_ref: (N, n) reference motor positions at `time` [rad], or None; NaN likewise.
         temperature: (n,) of each joint during the run [°C], or None.
+        kp_scale: gain of the servos in this run relative to that in others, where joints follow goals.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Group:
     tau_joint: Array | None = None
     theta_ref: Array | None = None
     temperature: Array | None = None
+    kp_scale: float = 1.0
 
     @property
     def samples(self) -> int:

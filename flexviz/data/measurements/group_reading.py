@@ -163,7 +163,7 @@ def read_group(
         time = time.copy()  # so that the table can be forgotten
     return Group(
         entry.name, entry.trajectory, entry.payload, bodies, entry.validation, file, found.segments, time,
-        **compared, temperature=temperatures(entry.temperature, n),
+        **compared, temperature=temperatures(entry.temperature, n), kp_scale=entry.kp_scale,
     )  # fmt: skip
 
 

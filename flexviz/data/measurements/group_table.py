@@ -28,6 +28,7 @@ class GroupTable:
     theta_ref: Array | None = None  # [rad]
     validation: bool = False
     temperature: Sequence[float] | Array | None = None  # (n,) or (1,) [°C]
+    kp_scale: float = 1.0  # of the servos' gain
     file: str | None = None  # name of its table; None: `<name>.parquet` or `.csv`
     kind: GroupKind = "motion"
     clamped: Clamped = False  # of a static test
@@ -42,6 +43,7 @@ class GroupTable:
         signals |= {name: group.at(name, signals["time"]) for name in OPTIONAL_SIGNALS}
         names = group.name, group.trajectory, group.payload
         signals |= {"validation": group.validation, "temperature": group.temperature}
+        signals |= {"kp_scale": group.kp_scale}
         return GroupTable(*names, file=table_name(group.file), **signals)
 
     @staticmethod

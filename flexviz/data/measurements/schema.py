@@ -173,6 +173,7 @@ class GroupEntry(StrictTable):
     file: Text
     validation: bool = False
     temperature: Temperatures | None = None
+    kp_scale: Annotated[float, Field(gt=0.0, le=1e6)] = 1.0  # of the servos' gain, relative to other groups
     kind: GroupKind = "motion"
     clamped: Clamped = False
 

@@ -95,6 +95,7 @@ def group_entry(group: GroupTable, table_format: str) -> dict[str, Any]:
         | ({"validation": True} if group.validation else {})
         | ({} if group.kind == "motion" else {"kind": group.kind, "clamped": group.clamped})
         | numbers(temperature=group.temperature)
+        | ({} if group.kp_scale == 1.0 else {"kp_scale": float(group.kp_scale)})
     )
 
 

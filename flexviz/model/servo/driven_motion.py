@@ -23,6 +23,7 @@ class DrivenMotion:
 
     Attributes:
         step: (C,) [s].
+        scale: (C,) of the servos' gain in that run.
         goal, theta: (T, n, C) [rad].
         rest: torque of the masses but for the joint's own acceleration, at the measured motion [Nm].
         slope: of that torque, by the joint's own angle [Nm/rad].
@@ -35,6 +36,7 @@ class DrivenMotion:
     """
 
     step: Array
+    scale: Array
     goal: Array
     theta: Array
     rest: Array
@@ -88,7 +90,8 @@ def driven_motion(
         used[warm : b - a, :, c] = True
         speed[:, c] = v[a]
     return DrivenMotion(
-        np.array([p[1] for p in pieces]), **out, speed=speed, used=used,
+        np.array([p[1] for p in pieces]),
+        np.array([measurements.groups[p[0]].kp_scale for p in pieces]), **out, speed=speed, used=used,
         group=np.array([p[0] for p in pieces]), first=np.array([p[2] for p in pieces]),
     )  # fmt: skip
 

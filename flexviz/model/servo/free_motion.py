@@ -41,7 +41,7 @@ def _integrate(motion: DrivenMotion, values: Array, out: Array, turn: float) -> 
     V, T, n, C = out.shape
     full = np.zeros((V, n, C))
     dt, sub = _steps(motion, p, turn)
-    gain, offset = p["gain"] + full, p["gain"] * p["torque_offset.offset"]
+    gain, offset = p["gain"] * motion.scale + full, p["gain"] * p["torque_offset.offset"]
     limit, dead = p["torque_limit.limit"] + full, p["dead_band.half_width"] + full
     least = -limit
     limited, banded = "torque_limit.limit" in used, "dead_band.half_width" in used
