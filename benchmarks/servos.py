@@ -109,12 +109,17 @@ def run(robot: str, seed: int, folder: Path) -> Case:
 def one_of(finding, hidden) -> str:
     """What a finding names: the hidden effect if that is one of those which it cannot be told from."""
     for tie in finding.inseparable_from:
-        if (tie.effect, tie.joint or finding.joint) in hidden and (finding.effect, finding.joint) not in hidden:
+        if (tie.effect, tie.joint or finding.joint) in hidden and (
+            finding.effect,
+            finding.joint,
+        ) not in hidden:
             return tie.effect
     return finding.effect
 
 
-def intervals(result, joints: Sequence[str], truth: Sequence[Servo]) -> tuple[tuple[bool, ...], tuple[str, ...]]:
+def intervals(
+    result, joints: Sequence[str], truth: Sequence[Servo]
+) -> tuple[tuple[bool, ...], tuple[str, ...]]:
     """Whether what is determined lies inside its 95 % interval; and what is graded "yes"."""
     inside, sure = [], []
     for p in result.parameters:
@@ -141,7 +146,9 @@ def intervals(result, joints: Sequence[str], truth: Sequence[Servo]) -> tuple[tu
     return tuple(inside), tuple(sure)
 
 
-def robot_of(robot: str, folder: Path, rng: np.random.Generator) -> tuple[Path, list[str], list[Servo], float]:
+def robot_of(
+    robot: str, folder: Path, rng: np.random.Generator
+) -> tuple[Path, list[str], list[Servo], float]:
     """Its URDF, joints, servos without effects, and reach of its goals [rad]."""
     u = lambda: float(rng.uniform(0.7, 1.4))  # noqa: E731
     if robot in ("pendulum", "upright"):
@@ -153,7 +160,12 @@ def robot_of(robot: str, folder: Path, rng: np.random.Generator) -> tuple[Path, 
         from flexviz.base.resources import robots_dir
 
         urdf = robots_dir() / "planar_2r/planar_2r.urdf"
-        return urdf, ["joint1", "joint2"], [Servo(300 * u(), 1.0 * u(), 8 * u()), Servo(150 * u(), 0.5 * u(), 4 * u())], 0.8
+        return (
+            urdf,
+            ["joint1", "joint2"],
+            [Servo(300 * u(), 1.0 * u(), 8 * u()), Servo(150 * u(), 0.5 * u(), 4 * u())],
+            0.8,
+        )
     names = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
     servos = [Servo(13 * u(), 0.03 * u(), 0.8 * u()) for _ in names]
     return SHARED / "real" / "so101" / "so101.urdf", names, servos, 0.8

@@ -37,8 +37,12 @@ class Servo:
 
 
 def simulated(
-    urdf: Path, joints: Sequence[str], servos: Sequence[Servo], goals: Callable[[float], np.ndarray],
-    seconds: float, every: float,
+    urdf: Path,
+    joints: Sequence[str],
+    servos: Sequence[Servo],
+    goals: Callable[[float], np.ndarray],
+    seconds: float,
+    every: float,
 ) -> dict[str, np.ndarray]:
     """time (N,), theta_ref and theta (N, n) as a log has them, `every` so many seconds."""  # fmt: skip
     import mujoco
@@ -66,7 +70,9 @@ def simulated(
     coulomb = np.array([s.value("coulomb_friction") for s in servos])
     load = np.array([s.value("load_dependent_friction") for s in servos])
     forth, back = (np.array([s.value("driving_friction", 0.0, k) for s in servos]) for k in (0, 1))
-    stribeck, slow = (np.array([s.value("stribeck_friction", a, k) for s in servos]) for k, a in ((0, 0.0), (1, 1.0)))
+    stribeck, slow = (
+        np.array([s.value("stribeck_friction", a, k) for s in servos]) for k, a in ((0, 0.0), (1, 1.0))
+    )
     quadratic = np.array([s.value("quadratic_friction") for s in servos])
     offset = np.array([s.value("torque_offset") for s in servos])
     share = np.where(lag > 0, 1.0 - np.exp(-STEP / np.maximum(lag, 1e-9)), 1.0)

@@ -106,6 +106,12 @@ class ServoEstimate:
         effect, dot, name = NAMES[p].partition(".")
         return EFFECTS[effect].units[name] if dot else UNITS[effect]
 
+    @property
+    def link_inertia(self) -> Array:
+        """(n,) of the masses about each joint, at most poses [kg m²]."""
+        found: Array = np.median(self.data.motion.own, axis=(0, 2))
+        return found
+
     def ratios(self) -> tuple[Combination, ...]:
         """What is determined of joints whose gain is not: ratios to the gain."""
         out = []
@@ -118,12 +124,15 @@ class ServoEstimate:
                     continue
                 a, b = self.slopes.place[p, j], self.slopes.place[gain, j]
                 cov = self.covariance
-                value = float(self.values[p, j] / self.values[gain, j])
-                own = 1.0 if LOG[p] else 1.0 / max(float(self.values[p, j]), 1e-12)
+                size = float(self.values[p, j])
+                whole = size + (self.link_inertia[j] if p == INDEX["motor_inertia"] else 0.0)
+                value = whole / float(self.values[gain, j])
+                own = (size if LOG[p] else 1.0) / max(whole, 1e-12)
                 variance = own**2 * cov[a, a] + cov[b, b] - 2 * own * cov[a, b]
                 std = float(np.sqrt(max(variance, 0.0)))
                 unit = f"{self.unit(p)} / (Nm/rad)"
-                label = f"{NAMES[p]}:{joint} / {GAIN}.gain:{joint}"
+                more = " + links" if p == INDEX["motor_inertia"] else ""
+                label = f"({NAMES[p]}:{joint}{more}) / {GAIN}.gain:{joint}"
                 out.append(Combination(label, value, value * std, unit, grade("effect", std, 1.0, 0.0)))
         return tuple(out)
 

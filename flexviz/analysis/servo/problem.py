@@ -135,7 +135,7 @@ class ServoProblem:
         """The set's own model, and the criterion of this recording."""
         owners = sorted(set(self.data.owner.tolist()))
         bare: Keys = frozenset()
-        (fit,) = self.fitted([(o, bare, absent(self.n)) for o in owners], STEPS)
+        (fit,) = self.fitted([(o, bare, self.rough) for o in owners], STEPS)
         self.refresh(fit.values)
         (fit,) = self.fitted([(o, bare, fit.values) for o in owners], REFINED)
         self.renew(fit)
@@ -263,14 +263,14 @@ class ServoProblem:
     def joined(self, slot: dict[int, int], asked: Sequence[Asked]) -> tuple[Array, Array]:
         """What is fitted, and values, (P, n) each, of several servos."""
         free = self.free(frozenset(k for at in slot.values() for k in asked[at][1]))
-        values = absent(self.n)
+        values = self.rough
         for j, owner in enumerate(self.data.owner.tolist()):
             if owner in slot:
                 values[:, j] = asked[slot[owner]][2][:, j]
             else:
                 free[:, j] = False
         has = free | (np.arange(len(values)) < len(OWN))[:, None]
-        return free, np.where(has, values, absent(self.n))
+        return free, np.where(has, values, self.rough)
 
     def joints(self, key: ChosenEffect, parameter: int) -> Array:
         """The joints on which an effect of a servo has a parameter: all of that servo, or one."""
@@ -280,17 +280,21 @@ class ServoProblem:
     def free(self, keys: Keys) -> Array:
         """(P, n) what is fitted."""
         free = np.zeros((len(NAMES), self.n), bool)
+        drive = self.measurements.drive
         for name in OWN:
-            free[INDEX[name]] = ~self.given_own[INDEX[name]]
+            free[INDEX[name]] = name != "gain" or drive is None or drive.kp is None
         for key in keys:
             for k in of_effect(key.effect):
                 free[k, self.joints(key, k)] = True
         return free
 
     @property
-    def given_own(self) -> Array:
-        """(P, n) parameters that the set states."""
-        return np.zeros((len(NAMES), self.n), bool)
+    def rough(self) -> Array:
+        """(P, n) values without effects, with the gains that the set states."""
+        values, drive = absent(self.n), self.measurements.drive
+        if drive is not None and drive.kp is not None:
+            values[INDEX["gain"]] = drive.kp
+        return values
 
     def fitted(self, asked: Sequence[Asked], steps: int, *, thin: bool = False) -> list[ServoFit]:
         """Fit servos with effects, from values (P, n); different servos are fitted at once.

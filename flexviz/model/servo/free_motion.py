@@ -126,7 +126,7 @@ def _integrate(motion: DrivenMotion, values: Array, out: Array, turn: float) -> 
 
 def _steps(motion: DrivenMotion, p: dict[str, Array], turn: float) -> tuple[Array | float, int]:
     """Length of a step [s], a number or (C,), and how many there are between samples."""
-    stiff = p["gain"] / (p["motor_inertia"] + motion.own.min(axis=(0, 2))[:, None])
+    stiff = p["gain"] * motion.scale / (p["motor_inertia"] + motion.own.min(axis=(0, 2))[:, None])
     longest = min(LONGEST, turn / float(np.sqrt(np.median(stiff))))
     step = motion.step if np.ptp(motion.step) > 1e-9 else float(motion.step[0])
     sub = int(np.ceil(np.max(step) / longest - 1e-9))
