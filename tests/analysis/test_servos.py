@@ -11,6 +11,9 @@ import pytest
 import flexviz
 from flexviz.base.errors import InputError
 from flexviz.data.measurements import Drive
+from flexviz.model.servo import ABSENT, NAMES
+from flexviz.model.servo.model import servo_model, servo_values
+from flexviz.model.simulation import replay
 from tests.independent.servo_simulator import STEP, Servo
 from tests.servo_sets import pendulum_set
 
@@ -133,3 +136,14 @@ def test_an_effect_that_no_goal_shows_is_refused(tmp_path: Path) -> None:
 def test_a_diagnosis_can_be_stopped(tmp_path: Path) -> None:
     result = flexviz.diagnose(pendulum_set(tmp_path, SERVO, seconds=4.0), should_stop=lambda: True)
     assert result.stopped and result.verdict == "not-searched"
+
+
+def test_a_model_is_replayed_from_its_goals(hidden: flexviz.Diagnosis, tmp_path: Path) -> None:
+    measured = pendulum_set(tmp_path, Servo(12.0, 0.02, 0.5, HIDDEN))
+    assert hidden.model is not None
+    run = replay(measured.robot, hidden.model, measured.groups[2])
+    error = run.theta - measured.groups[2].joined("theta")
+    assert np.sqrt(np.mean(error[100:] ** 2)) == pytest.approx(hidden.steps[-1].rms_validation[0], rel=0.02)  # type: ignore[index]
+    assert servo_values(servo_model(measured.robot, servo_values(hidden.model), ())) == pytest.approx(
+        np.where(np.arange(len(NAMES))[:, None] < 3, servo_values(hidden.model), ABSENT[:, None])
+    )

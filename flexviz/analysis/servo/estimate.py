@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,9 +16,9 @@ from flexviz.content.records import Combination, EffectEntry, EffectParameter, G
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo import INDEX, LOG, NAMES, SCALED, SIZE, START, of_effect
-from flexviz.robot.model import EffectValue, FlexibleModel
+from flexviz.model.servo.model import GAIN, in_newtons, servo_model
+from flexviz.robot.model import FlexibleModel
 
-GAIN = "position_control"
 UNITS = {"gain": "Nm/rad", "motor_inertia": "kg m²", "motor_viscous_friction": "Nm s/rad"}
 
 
@@ -138,7 +137,7 @@ class ServoEstimate:
 
     def model(self) -> FlexibleModel:
         """The model of a robot whose joints have no elasticity."""
-        return servo_model(self.measurements, self.values, self.effects)
+        return servo_model(self.measurements.robot, self.values, self.effects)
 
     def entries(self) -> tuple[EffectEntry, ...]:
         """The effects with values and standard errors, each joint's gain first."""
@@ -158,29 +157,3 @@ class ServoEstimate:
             value, std, _ = self.graded(p, key.joint or 0)
             out[NAMES[p].partition(".")[2]] = EffectParameter(value, std, self.unit(p))
         return out
-
-
-def servo_model(
-    measurements: MeasurementSet, values: Array, effects: Sequence[ChosenEffect]
-) -> FlexibleModel:
-    """The model with parameters `values` (P, n); joints with the same servo have each effect of it."""
-    robot, n = measurements.robot, measurements.n
-    gains = [
-        EffectValue(GAIN, joint, {"gain": float(values[INDEX["gain"], j])})
-        for j, joint in enumerate(robot.joints)
-    ]
-    own = []
-    for key in effects:
-        j = key.joint or 0
-        found = {NAMES[p].partition(".")[2]: in_newtons(values, p, j) for p in of_effect(key.effect)}
-        own.append(EffectValue(key.effect, robot.joints[j], found))
-    return FlexibleModel(
-        robot.joints, np.full(n, np.inf), values[INDEX["motor_inertia"]], np.zeros(n),
-        values[INDEX["motor_viscous_friction"]], robot.cad_parameters, (*gains, *own),
-    )  # fmt: skip
-
-
-def in_newtons(values: Array, p: int, j: int) -> float:
-    """A parameter in the unit of its effect; an offset is fitted as the angle by which the goal differs."""
-    scale = values[INDEX["gain"], j] if NAMES[p] == "torque_offset.offset" else 1.0
-    return float(scale * values[p, j])

@@ -33,12 +33,13 @@ class TrajectoryJudge:
 
     def __init__(self, measurements: MeasurementSet, motion: DrivenMotion | None = None) -> None:
         self.measurements = measurements
-        self.motion = motion or driven_motion(measurements, whole=True)
+        self.motion = motion or driven_motion(measurements.robot, measurements.groups, whole=True)
 
     def refreshed(self, values: Array) -> TrajectoryJudge:
         """One that takes fast motion of the other joints from the free motion of a model, (P, n)."""
         theta = free_motion(self.motion, values[:, None])[0]
-        return TrajectoryJudge(self.measurements, driven_motion(self.measurements, theta, whole=True))
+        read = self.measurements
+        return TrajectoryJudge(read, driven_motion(read.robot, read.groups, theta, whole=True))
 
     @cached_property
     def noise(self) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from flexviz.analysis.estimation import PredictionErrors
 from flexviz.analysis.identification.result import Identification, ResidualSeries
 from flexviz.analysis.identification.settings import FitSettings
-from flexviz.analysis.servo.estimate import ServoEstimate, servo_model
+from flexviz.analysis.servo.estimate import ServoEstimate
 from flexviz.analysis.servo.fit import FINE, fit_servos
 from flexviz.analysis.servo.judge import TrajectoryJudge
 from flexviz.analysis.servo.problem import REFINED, STEPS, Keys, ServoModel, ServoProblem, owners
@@ -39,6 +39,7 @@ from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.model.servo import ABSENT, INDEX, RIVALS, SERVO_EFFECTS, SHARED, of_effect
 from flexviz.model.servo.driven_motion import BAND
+from flexviz.model.servo.model import servo_model
 from flexviz.robot.model import FlexibleModel
 
 OBSERVER = "butterworth-zero-phase"  # of the accelerations of the measured motion
@@ -420,7 +421,7 @@ class _Description:
         order = tuple(
             k for k in sorted(self.end.keys, key=lambda k: (k.joint, k.effect)) if self.has(stair, k)
         )
-        return servo_model(self.course.measurements, stair.values, order)
+        return servo_model(self.course.measurements.robot, stair.values, order)
 
     def has(self, stair: _Stair, key: ChosenEffect) -> bool:
         return any(stair.values[p, key.joint] != ABSENT[p] for p in of_effect(key.effect))

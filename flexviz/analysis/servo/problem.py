@@ -95,7 +95,7 @@ class ServoProblem:
         given: Keys = frozenset(),
     ) -> None:
         self.measurements, self.check, self.given = measurements, check, given
-        motion = driven_motion(measurements)
+        motion = driven_motion(measurements.robot, measurements.groups)
         held = np.array([measurements.groups[g].validation for g in motion.group])
         self.noise = segments_noise([s for g in measurements.groups for s in g.segments])[0]
         used = motion.used
@@ -159,14 +159,15 @@ class ServoProblem:
         There the measured motion is noise; nothing that was fitted before holds exactly.
         """
         theta = free_motion(self.whole, values[:, None])[0]
-        self.data = replace(self.data, motion=driven_motion(self.measurements, theta))
+        read = self.measurements
+        self.data = replace(self.data, motion=driven_motion(read.robot, read.groups, theta))
         self.known.clear()
         self.refined.clear()
 
     @cached_property
     def whole(self) -> DrivenMotion:
         """Each stretch without a gap as it is."""
-        return driven_motion(self.measurements, whole=True)
+        return driven_motion(self.measurements.robot, self.measurements.groups, whole=True)
 
     def renew(self, fit: ServoFit) -> bool:
         """Measure anew how many samples are independent; whether that changes what counts."""

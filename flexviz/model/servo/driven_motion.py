@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -10,8 +11,9 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
 from flexviz.base.arrays import Array, Bools
-from flexviz.data.measurements import MeasurementSet
+from flexviz.data.measurements import Group
 from flexviz.model.equation.link import LinkDynamics
+from flexviz.robot.robot import Robot
 
 BAND, ORDER = 8.0, 5  # [Hz] to which measured motion is smoothed for its accelerations
 STRETCH, WARM_UP = 5.0, 1.0  # [s] simulated from a measured state; before that, what does not count
@@ -55,20 +57,20 @@ class DrivenMotion:
 
 
 def driven_motion(
-    measurements: MeasurementSet, about: Array | None = None, *, whole: bool = False
+    robot: Robot, groups: Sequence[Group], about: Array | None = None, *, whole: bool = False
 ) -> DrivenMotion:
-    """The motion of all groups, cut.
+    """The motion of groups with goals, cut.
 
     Args:
-        measurements: the set.
+        robot, groups: of the set.
         about: (T, n, C) [rad], a free motion of the whole stretches: above `BAND` the masses' motion is that.
         whole: each stretch without a gap as it is.
     """
     pieces: list[tuple[Any, ...]] = []
     segments = 0
-    link = LinkDynamics(measurements.robot)
-    for g, group in enumerate(measurements.groups):
-        parameters = measurements.robot.cad_parameters + measurements.robot.payload_parameters(group.bodies)
+    link = LinkDynamics(robot)
+    for g, group in enumerate(groups):
+        parameters = robot.cad_parameters + robot.payload_parameters(group.bodies)
         for segment in group.segments:
             wanted = group.at("theta_ref", segment.time)
             count = len(segment)
@@ -80,7 +82,7 @@ def driven_motion(
                 stop = count if whole else min(at + warm + length, count)
                 pieces.append((g, segment.step, at, stop, warm, wanted, segment.theta, signals))
     T = max(stop - start for _, _, start, stop, *_ in pieces)
-    n, C = measurements.robot.n, len(pieces)
+    n, C = robot.n, len(pieces)
     out = {k: np.zeros((T, n, C)) for k in ("goal", "theta", "rest", "slope", "own", "load")}
     used, speed = np.zeros((T, n, C), bool), np.zeros((n, C))
     for c, (_, _, a, b, warm, wanted, theta, (rest, slope, own, load, v)) in enumerate(pieces):
@@ -91,7 +93,7 @@ def driven_motion(
         speed[:, c] = v[a]
     return DrivenMotion(
         np.array([p[1] for p in pieces]),
-        np.array([measurements.groups[p[0]].kp_scale for p in pieces]), **out, speed=speed, used=used,
+        np.array([groups[p[0]].kp_scale for p in pieces]), **out, speed=speed, used=used,
         group=np.array([p[0] for p in pieces]), first=np.array([p[2] for p in pieces]),
     )  # fmt: skip
 

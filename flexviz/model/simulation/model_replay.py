@@ -17,8 +17,10 @@ from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.data.measurements import Group, Segment
+from flexviz.model.servo.model import follows_goals
 from flexviz.model.simulation import rates, starting
 from flexviz.model.simulation.building import TorquePath, make_plant, without_unsimulated
+from flexviz.model.simulation.goal_replay import replay_goals
 from flexviz.model.simulation.loop import Loop
 from flexviz.model.simulation.plant import Array, Plant
 from flexviz.model.simulation.references import Sampled
@@ -54,6 +56,8 @@ def replay(
     """
     if not group.segments:
         raise InputError(f'group "{group.name}" has no usable samples', file=group.file)
+    if follows_goals(model):
+        return replay_goals(robot, model, group)
     closed = kp is not None and kd is not None and group.theta_ref is not None
     closed = closed and bool(np.isfinite(group.theta_ref).all())  # type: ignore[arg-type]
     step = group.segments[0].step

@@ -12,6 +12,7 @@ ORIGINS = {
     "set": "the set's [initial] values and URDF, or in proportion to its inertia where it gives none",
 }
 LOOPS = {
+    "goals": "driven by the goals alone",
     "closed": "closed loop: the set's controller drives the model along the recorded reference",
     "open": "open loop: the recorded torque drives the model, a weak PD (2 Hz) keeps it near the motion",
 }
