@@ -35,8 +35,8 @@ LAYERS = (
     {"content": "charts records wording"},  # results are made as records, some with sentences and curves
     {"data": "logs measurements noise"},
     {"checks": ""},
-    {"model": "compensation equation observers simulation", "content": "results"},
-    {"analysis": "acceptance designing diagnosis estimation identification laws motion"},
+    {"model": "compensation equation observers servo simulation", "content": "results"},
+    {"analysis": "acceptance designing diagnosis estimation identification laws motion servo"},
     {"data": "importing", "content": "comparing scene session"},  # an import identifies a delay
     {"outlets": "app batch doctor exporting recording report terminal view workflows"},
 )

@@ -11,8 +11,7 @@ import pytest
 import flexviz
 from flexviz.base.errors import InputError
 from flexviz.data.measurements import Drive
-from flexviz.model.servo import ABSENT, NAMES
-from flexviz.model.servo.model import servo_model, servo_values
+from flexviz.model.servo import ABSENT, NAMES, servo_model, servo_values
 from flexviz.model.simulation import replay
 from tests.independent.servo_simulator import STEP, Servo
 from tests.servo_sets import pendulum_set

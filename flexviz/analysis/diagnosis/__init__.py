@@ -1,6 +1,8 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.analysis.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.analysis.diagnosis.course import LEAST_SURE
+from flexviz.analysis.diagnosis.criterion import Criterion, ModelScore, confidence, criterion_of, unexplained
 from flexviz.analysis.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.analysis.diagnosis.curves import fit_free_curve
 from flexviz.analysis.diagnosis.fit_context import Fit, FitContext
@@ -17,24 +19,31 @@ from flexviz.analysis.diagnosis.residual_location import locate_residual, maps_o
 from flexviz.analysis.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
 from flexviz.analysis.diagnosis.result import Diagnosis, Evidence, Finding, Step
 from flexviz.analysis.diagnosis.so_far import BestModel
+from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from flexviz.content.results import BandwidthCheck, ParameterCurve
 
 __all__ = [
     "BAND_HERTZ",
     "DIRECTED",
     "DIRECTION_GAIN",
+    "LEAST_SURE",
+    "THRESHOLDS",
     "BandwidthCheck",
     "BestModel",
+    "Criterion",
     "Diagnosis",
     "Evidence",
     "Finding",
     "Fit",
     "FitContext",
+    "ModelScore",
     "ParameterCurve",
     "PredictionErrors",
     "Step",
     "TorqueOverTime",
     "check_bandwidth",
+    "confidence",
+    "criterion_of",
     "diagnose",
     "errors_along",
     "fit_free_curve",
@@ -42,6 +51,7 @@ __all__ = [
     "maps_of",
     "prediction_errors",
     "torque_over_time",
+    "unexplained",
     "why_no_curve",
     "with_free_curve",
 ]

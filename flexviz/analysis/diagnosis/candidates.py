@@ -47,7 +47,7 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
 
     def suits(place: ChosenEffect) -> bool:
         effect = EFFECTS[place.effect]
-        if effect.of_goal or everywhere(place, layout.effects):
+        if everywhere(place, layout.effects):
             return False
         beside = not effect.beside or any((e.effect, e.joint) == (effect.beside, place.joint) for e in have)
         warm = not effect.by_temperature or place.joint in warmed

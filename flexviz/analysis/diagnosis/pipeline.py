@@ -37,6 +37,7 @@ from flexviz.analysis.identification import (
     Estimate,
     FitOptions,
     FitSettings,
+    by_free_motion,
     fit_settings,
     link_side_checks,
     parameter_estimates,
@@ -102,12 +103,9 @@ def diagnose(
         guard = guarded
     measurements = diagnosed_set(set_of(measurements), fit_settings(settings, **options))
     if measurements.drive is not None:
-        from flexviz.analysis.servo import diagnose_servos  # it stands above
-
-        return diagnose_servos(measurements, apply=apply, progress=progress, should_stop=should_stop)
+        return by_free_motion("diagnose_servos")(measurements, apply, progress, should_stop)
     measurements, notes = without_still_groups(measurements)
-    notes += noise_notes(measurements)
-    should_stop = should_stop or never
+    notes, should_stop = [*notes, *noise_notes(measurements)], should_stop or never
     with threadpool_limits(1, "blas"), stopped_by(should_stop), existing_objects_kept():
         course = Course(measurements, progress, should_stop, survey)
         course.view.decoys = course.fine.decoys = decoys

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from flexviz.analysis.estimation import Stopped, base_parameters, residual_noise, torque_scale
+from flexviz.analysis.identification.by_free_motion import by_free_motion
 from flexviz.analysis.identification.estimator import Estimator
 from flexviz.analysis.identification.failure import (
     Unrest,
@@ -79,9 +80,8 @@ def identify(
     began, measurements = time.perf_counter(), set_of(measurements)
     chosen = fit_settings(settings, **options)
     if measurements.drive is not None:
-        from flexviz.analysis.servo import identify_servos  # it stands above: it diagnoses, too
-
-        return remember(identify_servos(measurements, chosen, progress, should_stop), measurements)
+        found = by_free_motion("identify_servos")(measurements, chosen, progress, should_stop)
+        return remember(found, measurements)
     fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
@@ -105,10 +105,8 @@ def identify(
             outcome = replace(outcome, converged=False, facts=(Fact("fit-stopped", "odd"),))
         result = _result(measurements, fitted, plain, outcome, known, report)
     result = replace(result, residual=_with_noise_share(result.residual, noise))
-    facts = (
-        *result.facts, *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model),
-        *torques_without_signal(measurements), *saturated_torques(measurements),
-    )  # fmt: skip
+    more = *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model)
+    facts = (*result.facts, *more, *torques_without_signal(measurements), *saturated_torques(measurements))
     result = replace(result, facts=facts, recording=recording_entries(measurements))
     return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 

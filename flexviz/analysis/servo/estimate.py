@@ -7,16 +7,25 @@ from functools import cached_property
 
 import numpy as np
 
-from flexviz.analysis.identification.summary import grade
-from flexviz.analysis.identification.thresholds import IDENTIFICATION
+from flexviz.analysis.identification import IDENTIFICATION, grade
 from flexviz.analysis.servo.fit import ServoData, Slopes, slopes_at
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.units import joint_unit
 from flexviz.content.records import Combination, EffectEntry, EffectParameter, Grade, ParameterEstimate
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect
-from flexviz.model.servo import INDEX, LOG, NAMES, SCALED, SIZE, START, of_effect
-from flexviz.model.servo.model import GAIN, in_newtons, servo_model
+from flexviz.model.servo import (
+    GAIN,
+    INDEX,
+    LOG,
+    NAMES,
+    SCALED,
+    SIZE,
+    START,
+    in_newtons,
+    of_effect,
+    servo_model,
+)
 from flexviz.robot.model import FlexibleModel
 
 UNITS = {"gain": "Nm/rad", "motor_inertia": "kg m²", "motor_viscous_friction": "Nm s/rad"}

@@ -11,6 +11,7 @@ from flexviz.checks import Issue
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import clock_offsets, in_ms
 from flexviz.data.importing.draft import Draft, Questions
+from flexviz.data.importing.goal_units import state_units
 from flexviz.data.importing.scales import find_scales
 from flexviz.data.logs import (
     AssembledGroup,
@@ -37,7 +38,9 @@ def correct(
         groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
         if round_ == 0:
             shift_clocks(draft, groups[0])
-        if find_scales(draft, robot, [group.table for group in groups]):
+        if draft.drive:
+            state_units(draft, robot, [group.table for group in groups])
+        elif find_scales(draft, robot, [group.table for group in groups]):
             continue
         remaining = check_all(mapping, robot, {"none": ()}, groups, guessed=True)
         certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.base import toml
-from flexviz.data.logs import SIGNALS, Fix, LogSource, Mapping, Proposal, parse_mapping, proposed
+from flexviz.data.logs import NEEDED, SIGNALS, Fix, LogSource, Mapping, Proposal, parse_mapping, proposed
 from flexviz.data.measurements import TorqueSide
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import is_library_robot
@@ -24,6 +24,10 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 # Correct what is wrong, then:  flexviz import {name} --out SET
 # Every key: docs/importing.md. torque_hold, [initial], [controller] and [model] of a set may stand here too.
 """
+SERVO_EXAMPLE = [
+    "# kp = […]  # [Nm/rad] gains of the servos, where they are known; else they are estimated",
+    '# same = [["…", "…"]]  # joints that have the same servo and settings share its values',
+]
 PAYLOAD_EXAMPLE = [
     "# [payloads.p1]  # mass [kg], com [m] and inertia [kg m²] in the link's frame",
     '# bodies = [{ link = "…", mass = 2.0, com = [0, 0, 0], inertia = [0.01, 0.01, 0.01, 0, 0, 0] }]',
@@ -74,6 +78,7 @@ class Draft:
     payloads: dict[str, list[dict[str, Any]]] = field(default_factory=dict)  # name -> bodies, as in a set
     loads: dict[str, str] = field(default_factory=dict)  # group -> its payload; none where it is not here
     torque: TorqueSide | None = None  # None: the data decide
+    drive: bool = False  # the joints follow goals, and no torque was recorded
     time: dict[str, Any] = field(default_factory=dict)  # the keys of [time]
     time_comment: str = ""
     joints: dict[str, DraftJoint] = field(default_factory=dict)  # name -> entry
@@ -84,6 +89,11 @@ class Draft:
     )  # keys for the user to decide, and why
 
     accepted: list[Proposal] = field(default_factory=list)  # of the logs and of the whole
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The signals that every joint needs."""
+        return ("theta", "theta_ref") if self.drive else NEEDED
 
     def mapping(self) -> Mapping:
         """The mapping, checked; paths are as they were given. InputError where something is missing."""
@@ -103,6 +113,7 @@ class Draft:
         document: dict[str, Any] = {"format": 1, "robot": robot}
         document |= {"gravity": list(self.gravity)} if self.gravity != GRAVITY else {}
         document |= {"torque": self.torque} if self.torque else {}
+        document |= {"drive": {"from": "goal"}} if self.drive else {}
         document |= {"time": self.time} if self.time else {}
         payloads = {name: {"bodies": bodies} for name, bodies in {"none": [], **self.payloads}.items()}
         return proposed(document | {"payloads": payloads, "logs": logs, "joints": joints}, self.accepted)
@@ -135,6 +146,8 @@ class Draft:
         lines = [*HEAD.format(name=file.name if file else "mapping.toml").splitlines(), ""]
         tables = ("time", "payloads", "logs", "joints")
         lines += toml.dumps({key: document[key] for key in document if key not in tables}).splitlines()
+        if self.drive:
+            lines += SERVO_EXAMPLE
         if model := self.proposed("model"):
             lines += ["", "# [model]", *model]
         lines += ["", *self.proposed(), *(f"# {line}" for line in self.seen)]

@@ -155,11 +155,11 @@ def import_logs(
         notes = write_groups(new, mapping, robot, payloads, groups, table_format)
         measurements = read_back(new, target or Path(file.stem))
         delay = None
-        if not any(issue.kind in ABOUT_UNITS for issue in found):
+        if mapping.drive is None and not any(issue.kind in ABOUT_UNITS for issue in found):
             delay = torque_delay(measurements, progress, should_stop)
         check_stop(should_stop)
     late = delay_issues(delay, measurements) if delay is not None else []
-    if behind_gear(measurements):
+    if mapping.drive is None and behind_gear(measurements):
         notes.append(Fact("behind-gear", values={"stated": mapping.torque is not None}))
     warnings = (*notes, *measurements.warnings)
     return replace(done, folder=target, delay=delay, issues=(*found, *late), warnings=warnings)
@@ -249,12 +249,15 @@ def write_groups(
 ) -> list[Fact]:
     """Write the set into the folder `new`; notes on what its robot lacks."""
     source, files, notes = robot_files(robot)
+    tables = [group.table for group in groups]
+    if mapping.drive is not None:
+        tables = [replace(table, tau=np.full_like(table.tau, np.nan)) for table in tables]
     write_set(
         new,
         robot=source,
         gravity=mapping.gravity,
         joints=mapping.names,
-        groups=[group.table for group in groups],
+        groups=tables,
         payloads=payloads,
         torque_hold=mapping.torque_hold,
         date=mapping.date,
@@ -266,6 +269,7 @@ def write_groups(
         effects=mapping.model.effects,
         rigid=mapping.model.rigid,
         no_torque=mapping.model.no_torque,
+        drive=mapping.drive and mapping.drive.model_dump(by_alias=True, exclude_defaults=True),
         files=files,
         table_format=table_format,
     )

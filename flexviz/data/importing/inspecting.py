@@ -91,7 +91,8 @@ def inspect_logs(
     families = families_of(logs[0], whole.joints)
     ready = recognised(logs[0], whole.joints)
     roles = choose_roles(families, asked, draft.seen) if ready is None else dict(ready.roles)
-    for name in (name for name in NEEDED if name not in roles):
+    draft.drive = goals_drive(roles, logs[0], draft.seen)
+    for name in (name for name in draft.needed if name not in roles):
         known = "; ".join(family.name for family in families[:12])
         together = f"; columns that belong together: {known}" if known else ""
         draft.missing.append(f"no columns were recognised as {TITLES[name]}{together}")
@@ -100,9 +101,9 @@ def inspect_logs(
     if draft.missing:
         draft.seen += describe_unused(logs[0], [*used, str(draft.time.get("column", ""))])
     fill_joints(draft, roles, whole, clock, logs[0])
-    if ready is not None:
+    if ready is not None and not draft.drive:
         tell_ready(draft, ready, asked)
-    elif "tau" in roles:
+    elif "tau" in roles and not draft.drive:
         ask_for_meaning(draft, roles, whole, logs[0], asked)
     ask_for_constants(draft, roles, asked)
     if len(sources) > 1:
@@ -252,11 +253,29 @@ def choose_roles(
     return roles
 
 
+def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bool:
+    """Whether goals stand in for the torque: there is none, or only a current without a sign.
+
+    Such a current is left out of `roles`.
+    """
+    if "theta_ref" not in roles:
+        return False
+    torque = roles.get("tau")
+    if torque is not None:
+        signed = any(np.nanmin(log.columns[c].columns[c]) < 0 for c in torque.columns.values())
+        if torque.meaning.quantity != "current" or signed or torque.stated.get("sign_bit") is not None:
+            return False
+        seen.append(f"  {torque.name} is a current without a sign, which is no torque")
+        del roles["tau"]
+    seen.append(f"  what drives the joints: the goals {roles['theta_ref'].name}, [drive]")
+    return True
+
+
 def fill_joints(
     draft: Draft, roles: dict[str, ColumnFamily], robot: Robot, own_times: dict[str, str], log: Log
 ) -> None:
     """An entry for every joint that θ and τ (where they were recognised) have."""
-    needed = [set(roles[name].columns) for name in NEEDED if name in roles]
+    needed = [set(roles[name].columns) for name in draft.needed if name in roles]
     covered = set.intersection(*needed) if needed else set(robot.joints)
     every = log.columns
     for joint in (joint for joint in robot.joints if joint in covered):
@@ -274,10 +293,10 @@ def fill_joints(
                 signal["unit"] = unit
             entry.signals[name] = signal | dict(family.stated)
             entry.comment(name, f"{range_text(every[column].columns[column])}; {reason_of(family)}")
-        for name in (name for name in NEEDED if name not in roles):
+        for name in (name for name in draft.needed if name not in roles):
             entry.comment(name, f'missing: {{ from = "column" }}; {STUBS[name]}')
     if not draft.joints:
-        draft.missing.append("no joint has both θ and τ")
+        draft.missing.append(f"no joint has both {' and '.join(TITLES[name] for name in draft.needed)}")
 
 
 def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Questions) -> None:

@@ -14,6 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from flexviz.base import toml
@@ -30,6 +31,7 @@ from flexviz.data.logs import (
 )
 
 FOLDER = Path(__file__).parent / "ready"
+FEW_COUNTS = 10  # that are no motion
 JOINT = {"{k}": r"(?P<joint>\d+)", "{joint}": r"(?P<joint>[^/]+)", "{id}": r"(?P<joint>[\w-]+)"}
 
 
@@ -136,10 +138,23 @@ class Recognised:
     torque: SignalColumns | None  # the entry of τ; None where the log has none
 
 
+def counted(family: ColumnFamily, log: Log) -> bool:
+    """Whether columns that a mapping takes for a register's counts can be that.
+
+    Fractions within a few counts are angles: a register has whole numbers, and so few are no motion.
+    """
+    if "unit" not in family.stated:
+        return True
+    columns = [log.columns[name].columns[name] for name in family.columns.values()]
+    known = np.concatenate([column[np.isfinite(column)] for column in columns])
+    whole = bool(np.all(known == np.round(known)))
+    return whole or max(float(np.ptp(column[np.isfinite(column)])) for column in columns) > FEW_COUNTS
+
+
 def recognised(log: Log, joints: Sequence[str]) -> Recognised | None:
     """The ready mapping of a log; None where there is none."""
     for mapping in ready_mappings():
         roles, torque = mapping.roles(log, joints)
-        if roles:
+        if roles and counted(roles["theta"], log):
             return Recognised(mapping, roles, torque)
     return None

@@ -12,8 +12,8 @@ from flexviz.base.errors import InputError
 from flexviz.base.spelling import number
 from flexviz.data.logs.clocks import LogClock, clock_of, rows_in_order
 from flexviz.data.logs.formats.base import SHORTEST, Log
-from flexviz.data.logs.mapping import NEEDED, SIGNALS, LogEntry, Mapping, TorqueColumn
-from flexviz.data.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTable, interpolate
+from flexviz.data.logs.mapping import SIGNALS, LogEntry, Mapping, TorqueColumn
+from flexviz.data.measurements import GAP, POINTS, Array, GroupTable, interpolate
 from flexviz.data.noise import Channel, outliers, sign_magnitude, unwrapped
 
 CONTINUED = 1.5  # own steps by which a signal may be continued beyond its first and last sample
@@ -144,7 +144,7 @@ def _complete_rows(log: Log, mapping: Mapping, file: Path) -> dict[str, Bools]:
         table = log.table_of(signal.column, file, f"joints.{joint}.{name}")
         known = np.isfinite(np.asarray(table.columns[signal.column], dtype=float))
         before = complete.get(table.name, np.ones(len(known), dtype=bool))
-        complete[table.name] = before & known if name in NEEDED else before
+        complete[table.name] = before & known if name in mapping.needed else before
     return complete
 
 
@@ -209,16 +209,18 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
         notes.append(f"the part from time stamp {first:.12g} to {last:.12g} s is used")
     values: dict[tuple[str, str], Array] = {}
     keep = np.ones(len(time), dtype=bool)
-    for key in (key for key in traces if key[1] in NEEDED):
+    for key in (key for key in traces if key[1] in mapping.needed):
         values[key], usable = needed(traces[key], time, base, notes)
         keep &= usable
         if np.count_nonzero(keep) < SHORTEST:
             raise no_overlap(traces[key], base, log, file)
-    for key in (key for key in traces if key[1] in OPTIONAL_SIGNALS):
+    for key in (key for key in traces if key[1] not in mapping.needed):
         column = optional(traces[key], time, notes)
         values |= {key: column} if column is not None else {}
     time = time[keep]
     columns = {name: at_joints(values, mapping, name, keep) for name in SIGNALS}
+    if mapping.drive is not None:  # what drives the joints is how far the goal is ahead
+        columns["tau"] = columns["theta_ref"] - columns["theta"]  # type: ignore[operator]
     zero = float(time[0])
     names = entry.group, entry.trajectory or entry.group, entry.payload
     columns |= {"validation": entry.validation, "temperature": entry.temperature}

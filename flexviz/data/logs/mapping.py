@@ -94,7 +94,7 @@ class JointColumns(StrictTable):
     gear: Annotated[Number, _not_zero] | None = None  # motor turns per joint turn; negative: opposite turns
     torque_constant: Positive | None = None  # [Nm/A] on the side where the current's torque is
     theta: AngleColumn = Field(description='theta = { from = "column" }: every joint needs θ and τ')
-    tau: TorqueColumn = Field(description='tau = { from = "column" }: every joint needs θ and τ')
+    tau: TorqueColumn | None = None
     q: AngleColumn | None = None
     tau_joint: TorqueColumn | None = None
     theta_ref: AngleColumn | None = None
@@ -190,6 +190,11 @@ class Mapping(SetHeader):
     complete_rows: bool = False  # leave out rows that lack a signal which is taken from their table
 
     @property
+    def needed(self) -> tuple[str, str]:
+        """The signals of which every joint needs a column: θ, and τ or the goal that it follows."""
+        return NEEDED if self.drive is None else ("theta", "theta_ref")
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The joints, in the set's order."""
         return tuple(self.joints)
@@ -276,6 +281,15 @@ def check(mapping: Mapping, file: Path) -> None:
         check_clamped(log.kind, log.clamped, mapping.names, file, place)
     if mapping.coupling is not None:
         check_coupling(mapping, mapping.coupling, refuse)
+    for joint, entry in mapping.joints.items():
+        for name in mapping.needed:
+            if getattr(entry, name) is None:
+                also = "" if mapping.drive else ', or [drive] from = "goal" for servos without a torque'
+                what = "θ and its goal" if mapping.drive else "θ and τ"
+                message = f'is missing, expected {name} = {{ from = "column" }}: every joint needs {what}'
+                refuse(f"joints.{joint}.{name}", message + also)
+    if mapping.drive is not None:
+        mapping.drive.check_joints(mapping.names, file)
     used: dict[str, str] = {}
     for joint, name, signal in mapping.signals():
         constant = mapping.joints[joint].torque_constant
@@ -288,7 +302,7 @@ def check(mapping: Mapping, file: Path) -> None:
             )
             refuse(f"joints.{joint}", message)
         place = f"joints.{joint}.{name}"
-        if name in NEEDED and signal.column in used:
+        if name in mapping.needed and signal.column in used:
             refuse(place, f'"{signal.column}" is {used[signal.column]} already, expected each column once')
         used[signal.column] = place
 

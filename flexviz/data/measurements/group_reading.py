@@ -127,11 +127,7 @@ def read_group(
     places_of = [joints.index(joint) + n * (kind != "theta") for kind, joint in signal]
     signals = spread_out(table[:, 1 : 1 + len(needed)], places_of, 2 * n)
     check_time(time, file)
-    goals = None
-    if drive is not None:
-        goals, signals = signals[:, n:], signals.copy()
-        check_goals(goals, signals[:, :n], joints, file)
-        signals[:, n:] -= signals[:, :n]
+    goals, signals = (None, signals) if drive is None else with_lead(signals, joints, file)
 
     def warn_here(fact: Fact) -> None:
         warn(replace(fact, file=str(file)))
@@ -140,10 +136,7 @@ def read_group(
         warn_here(Fact("doubtful-column", "odd", values={"text": text}))
 
     units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
-    units.check_time()
-    units.check_theta()
-    if drive is None:
-        units.check_tau(stiffness)
+    units.check(stiffness, torque=drive is None)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(Fact("constant-column", "odd", columns=(name,)))
@@ -154,8 +147,7 @@ def read_group(
         kind, j = places[name]
         measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
         check_optional(name, column, measured, file, warn_in_words)
-    compared = by_kind([places[name] for name in optional], others, n)
-    compared |= {} if goals is None else {"theta_ref": goals}
+    compared = by_kind([places[name] for name in optional], others, n) | named(theta_ref=goals)
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:
         warn_here(Fact("samples-not-used", "odd", values={"count": found.dropped, "least": SHORTEST}))
@@ -165,6 +157,18 @@ def read_group(
         entry.name, entry.trajectory, entry.payload, bodies, entry.validation, file, found.segments, time,
         **compared, temperature=temperatures(entry.temperature, n), kp_scale=entry.kp_scale,
     )  # fmt: skip
+
+
+def named(**signals: Array | None) -> dict[str, Array]:
+    """Those that there are."""
+    return {name: signal for name, signal in signals.items() if signal is not None}
+
+
+def with_lead(signals: Array, joints: Sequence[str], file: Path) -> tuple[Array, Array]:
+    """The goals (N, n) among θ and goals (N, 2n), checked; and θ with how far they are ahead in their place."""
+    theta, goals = signals[:, : len(joints)], signals[:, len(joints) :]
+    check_goals(goals, theta, joints, file)
+    return goals, np.concatenate((theta, goals - theta), axis=1)
 
 
 def by_kind(places: Sequence[tuple[str, int]], columns: Array, n: int) -> dict[str, Array]:

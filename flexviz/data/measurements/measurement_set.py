@@ -19,7 +19,7 @@ from flexviz.base.names import names_of
 from flexviz.base.units import joint_units
 from flexviz.data.measurements.array_tables import array_tables
 from flexviz.data.measurements.data import Array, Fingerprint, Group, Segment, present_fingerprint
-from flexviz.data.measurements.drive import Drive
+from flexviz.data.measurements.drive import Drive, check_changes
 from flexviz.data.measurements.group_reading import (
     check_signals,
     clock_facts,
@@ -297,6 +297,8 @@ def checked_set(
     )
     groups = without_scraps(groups, warn)
     check_signals(groups, file)
+    if drive is not None:
+        check_changes(groups, content.joints)
     warn(*copies(groups))
     warn(*clock_facts(clocks))
     gains = content.controller

@@ -128,6 +128,13 @@ class UnitCheck:
         """InputError for a column."""
         raise InputError(message, file=self.file, place=f"column {column}")
 
+    def check(self, stiffness: Array | None, *, torque: bool = True) -> None:
+        """All of them; without a `torque` those of time and θ."""
+        self.check_time()
+        self.check_theta()
+        if torque:
+            self.check_tau(stiffness)
+
     def check_time(self) -> None:
         """Time in ms, µs or ns."""
         step = float(np.median(np.diff(self.time)))

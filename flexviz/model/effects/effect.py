@@ -124,7 +124,6 @@ class Effect(ABC):
         constant: u is a constant torque.
         offset_parameter: parameter that amounts to a constant torque of the joint.
         expected: parameter → standard deviation around zero that a real robot may show.
-        of_goal: only joints that follow goals have it: it is part of their servo's law.
         example: clearly visible parameters, for checks and for simulated sets that give none.
     """
 
@@ -167,7 +166,6 @@ class Effect(ABC):
     constant: ClassVar[bool] = False
     offset_parameter: ClassVar[str | None] = None
     expected: ClassVar[Mapping[str, float]] = {}
-    of_goal: ClassVar[bool] = False
     example: ClassVar[tuple[float, ...]] = ()
 
     def __init_subclass__(cls) -> None:

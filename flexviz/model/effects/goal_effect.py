@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from flexviz.model.effects.effect import Effect
@@ -18,7 +16,6 @@ class GoalEffect(Effect):
     """
 
     where = "sensing"
-    of_goal: ClassVar[bool] = True
     signature = "The measured position leaves the goal in another way than the rest of the model explains."
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:

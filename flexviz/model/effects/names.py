@@ -31,12 +31,11 @@ EFFECT_NAMES: tuple[str, ...] = (
     "external_contact",
     "motor_coupling",
     "coupled_friction",
-    "position_control",
-    "goal_delay",
-    "goal_lag",
-    "goal_speed_limit",
-    "dead_band",
 )
+
+GOAL_EFFECT_NAMES = ("position_control", "goal_delay", "goal_lag", "goal_speed_limit", "dead_band")
+"""Parts of the law of servos that follow goals; not listed, because no recorded torque shows them."""
+
 
 EFFECT_FAMILIES: dict[str, tuple[str, ...]] = {
     "dry_friction": (
@@ -69,7 +68,7 @@ def is_user_defined(name: str) -> bool:
 
 def known_names() -> tuple[str, ...]:
     """The names of the library's and of the user-defined effects."""
-    return (*EFFECT_NAMES, *USER_NAMES)
+    return (*EFFECT_NAMES, *USER_NAMES, *GOAL_EFFECT_NAMES)
 
 
 def family_of(effect: str) -> str | None:

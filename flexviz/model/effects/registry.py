@@ -11,7 +11,7 @@ from typing import Any
 from flexviz.model.effects.decoys import DECOYS
 from flexviz.model.effects.effect import Effect
 from flexviz.model.effects.free_curve import free_curve
-from flexviz.model.effects.names import EFFECT_NAMES
+from flexviz.model.effects.names import EFFECT_NAMES, GOAL_EFFECT_NAMES
 
 
 def effect_classes(module: ModuleType) -> list[type[Effect]]:
@@ -36,7 +36,11 @@ def library(names: Sequence[str]) -> dict[str, Effect]:
 
 
 class Registry(dict[str, Effect]):
-    """Physical effects by name. Free curves and decoys are found, but not listed: they are not physics."""
+    """Physical effects by name.
+
+    Found, but not listed, are free curves and decoys, which are not physics, and what only servos have that
+    follow goals.
+    """
 
     def __missing__(self, name: str) -> Effect:
         found = _unlisted(name)
@@ -45,14 +49,15 @@ class Registry(dict[str, Effect]):
         return found
 
     def __contains__(self, name: object) -> bool:
-        return super().__contains__(name) or free_curve(str(name)) is not None
+        return super().__contains__(name) or name in GOAL_EFFECTS or free_curve(str(name)) is not None
 
     def get(self, name: str, default: object = None) -> Any:
         return super().get(name) or _unlisted(name) or default
 
 
 def _unlisted(name: str) -> Effect | None:
-    return free_curve(name) or DECOYS.get(name)
+    return free_curve(name) or DECOYS.get(name) or GOAL_EFFECTS.get(name)
 
 
+GOAL_EFFECTS = library(GOAL_EFFECT_NAMES)
 EFFECTS: dict[str, Effect] = Registry(library(EFFECT_NAMES))

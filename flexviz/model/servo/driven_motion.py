@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from flexviz.base.arrays import Array, Bools
 from flexviz.data.measurements import Group
-from flexviz.model.equation.link import LinkDynamics
+from flexviz.model.equation import LinkDynamics
 from flexviz.robot.robot import Robot
 
 BAND, ORDER = 8.0, 5  # [Hz] to which measured motion is smoothed for its accelerations

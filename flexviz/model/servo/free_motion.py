@@ -30,98 +30,109 @@ def free_motion(motion: DrivenMotion, values: Array, turn: float = TURN) -> Arra
     count = max(1, AT_ONCE // (n * C))
     for at in range(0, V, count):
         here = slice(at, at + count)
-        _integrate(motion, values[:, here], out[here], turn)
+        _Integration(motion, values[:, here], turn).run(out[here])
     return out
 
 
-def _integrate(motion: DrivenMotion, values: Array, out: Array, turn: float) -> None:
-    """The same of few variants."""
-    p = {name: values[k][:, :, None] for name, k in INDEX.items()}
-    used = {name for name, k in INDEX.items() if np.any(values[k] != ABSENT[k])}
-    V, T, n, C = out.shape
-    full = np.zeros((V, n, C))
-    dt, sub = _steps(motion, p, turn)
-    gain, offset = p["gain"] * motion.scale + full, p["gain"] * p["torque_offset.offset"]
-    limit, dead = p["torque_limit.limit"] + full, p["dead_band.half_width"] + full
-    least = -limit
-    limited, banded = "torque_limit.limit" in used, "dead_band.half_width" in used
-    stribeck, inverse = p["stribeck_friction.stribeck"], 1.0 / p["stribeck_friction.velocity"]
-    curved = np.flatnonzero(stribeck.any(axis=(1, 2)))
-    quadratic, drag = p["quadratic_friction.quadratic"], "quadratic_friction.quadratic" in used
-    motor, back = p["driving_friction.motor_driving"], p["driving_friction.load_driving"]
-    driving = np.flatnonzero((motor + back).any(axis=(1, 2)))
-    stribeck, inverse, motor, back = stribeck[curved], inverse[curved], motor[driving], back[driving]
-    varies = bool(len(curved) or len(driving))
-    coulomb, loaded = p["coulomb_friction.coulomb"], "load_dependent_friction.coefficient" in used
-    load, spring = p["load_dependent_friction.coefficient"], p["cable_spring.stiffness"]
-    viscous = p["motor_viscous_friction"]
-    mass = p["motor_inertia"] + 0.5 * dt * viscous
-    goals = _Goals(motion, p, used)
-    share = 1.0 - np.exp(-dt / np.maximum(p["goal_lag.time_constant"], 1e-9)) + full
-    reach = p["goal_speed_limit.speed"] * dt + full
-    slowest = -reach
-    q = np.broadcast_to(motion.theta[0], (V, n, C)).copy()
-    w = np.broadcast_to(motion.speed, (V, n, C)).copy()
-    e, f, held, slope, middle, goal, ramp = (np.empty_like(q) for _ in range(7))
-    away = 0.5 * (motion.rest[1:] + motion.rest[:-1]) - motion.slope[:-1] * 0.5 * (
-        motion.theta[1:] + motion.theta[:-1]
-    )
-    load_torque = 0.5 * (motion.load[1:] + motion.load[:-1])
-    size = np.abs(load_torque)
-    for i in range(T):
-        out[:, i] = q
-        if i + 1 == T:
-            break
-        now = goals.at(i)
-        push = dt / (motion.own[i] + mass)
-        keeps = 1.0 - viscous * push
-        np.add(motion.slope[i], spring, out=slope)
-        np.add(away[i], offset, out=middle)
-        if i == 0 or not goals.follows:
-            np.copyto(goal, now)
-        dry = (coulomb + load * size[i] if loaded else coulomb) * push
-        rough, rubs = push[curved] * stribeck, push[driving] * size[i]
-        np.multiply(w, 0.5 * dt, out=e)
-        q += e  # forces are those of the middle of a step
-        for _ in range(sub):
-            if goals.follows:
-                np.subtract(now, goal, out=e)
-                e *= share
-                np.minimum(e, reach, out=e)
-                np.maximum(e, slowest, out=e)
-                e *= 0.5
-                goal += e  # in the middle of the step
-                np.copyto(ramp, e)
-            np.subtract(goal, q, out=e)
-            if banded:
-                e -= np.clip(e, -dead, dead)
-            np.multiply(gain, e, out=f)
-            if limited:
-                np.minimum(f, limit, out=f)
-                np.maximum(f, least, out=f)
-            f -= middle
-            np.multiply(slope, q, out=e)
-            f -= e
-            f *= push
-            w *= keeps
-            w += f
-            if drag:
-                w /= 1.0 + push * quadratic * np.abs(w)
-            total = dry
-            if varies:
-                total = dry.copy()
-                total[curved] += rough * np.exp(-np.square(w[curved] * inverse))
-                total[driving] += rubs * np.where(w[driving] * load_torque[i] > 0, motor, back)
-            np.minimum(w, total, out=held)
-            np.negative(total, out=e)
-            np.maximum(held, e, out=held)
-            w -= held
-            np.multiply(w, dt, out=e)
-            q += e
-            if goals.follows:
-                goal += ramp
-        np.multiply(w, 0.5 * dt, out=e)
-        q -= e
+class _Integration:
+    """Few variants of all stretches at once: V variants of n joints of C stretches."""
+
+    def __init__(self, motion: DrivenMotion, values: Array, turn: float) -> None:
+        self.motion = motion
+        _, n, C = motion.goal.shape
+        self.p = p = {name: values[k][:, :, None] for name, k in INDEX.items()}
+        self.used = {name for name, k in INDEX.items() if np.any(values[k] != ABSENT[k])}
+        self.full = full = np.zeros((values.shape[1], n, C))
+        self.dt, self.sub = _steps(motion, p, turn)
+        self.gain = p["gain"] * motion.scale + full
+        self.limit, self.dead = p["torque_limit.limit"] + full, p["dead_band.half_width"] + full
+        self.limited, self.banded = "torque_limit.limit" in self.used, "dead_band.half_width" in self.used
+        self.drag = "quadratic_friction.quadratic" in self.used
+        self.mass = p["motor_inertia"] + 0.5 * self.dt * p["motor_viscous_friction"]
+        self.goals = _Goals(motion, p, self.used, self.dt, full)
+        theta = 0.5 * (motion.theta[1:] + motion.theta[:-1])
+        self.away = 0.5 * (motion.rest[1:] + motion.rest[:-1]) - motion.slope[:-1] * theta
+        self.load = 0.5 * (motion.load[1:] + motion.load[:-1])
+        self.dry_friction()
+        self.q = np.broadcast_to(motion.theta[0], full.shape).copy()
+        self.w = np.broadcast_to(motion.speed, full.shape).copy()
+        self.e, self.f, self.held, self.slope, self.middle = (np.empty_like(full) for _ in range(5))
+
+    def dry_friction(self) -> None:
+        """Which variants have friction that changes with speed or load."""
+        p, full = self.p, self.full
+        stribeck, velocity = p["stribeck_friction.stribeck"], p["stribeck_friction.velocity"]
+        motor, back = p["driving_friction.motor_driving"], p["driving_friction.load_driving"]
+        self.curved = np.flatnonzero(stribeck.any(axis=(1, 2)))
+        self.driving = np.flatnonzero((motor + back).any(axis=(1, 2)))
+        self.stribeck, self.inverse = stribeck[self.curved], 1.0 / velocity[self.curved]
+        self.motor, self.back = motor[self.driving], back[self.driving]
+        self.coulomb = p["coulomb_friction.coulomb"] + full
+        self.loaded = "load_dependent_friction.coefficient" in self.used
+
+    def run(self, out: Array) -> None:
+        """Write θ (V, T, n, C)."""
+        half, e, q, w = 0.5 * self.dt, self.e, self.q, self.w
+        for i in range(out.shape[1]):
+            out[:, i] = q
+            if i + 1 == out.shape[1]:
+                break
+            self.sample(i)
+            np.multiply(w, half, out=e)
+            q += e  # forces are those of the middle of a step
+            for _ in range(self.sub):
+                self.step()
+            np.multiply(w, half, out=e)
+            q -= e
+
+    def sample(self, i: int) -> None:
+        """What holds until the next sample."""
+        motion, p = self.motion, self.p
+        self.goals.next(i)
+        self.push = self.dt / (motion.own[i] + self.mass)
+        self.keeps = 1.0 - p["motor_viscous_friction"] * self.push
+        np.add(motion.slope[i], p["cable_spring.stiffness"], out=self.slope)
+        np.add(self.away[i], p["gain"] * p["torque_offset.offset"], out=self.middle)
+        size = np.abs(self.load[i])
+        more = p["load_dependent_friction.coefficient"] * size if self.loaded else 0.0
+        self.dry = (self.coulomb + more) * self.push
+        self.rough, self.rubs = self.push[self.curved] * self.stribeck, self.push[self.driving] * size
+        self.carried = self.load[i]
+
+    def step(self) -> None:
+        """One step of the velocity, and one of the angle."""
+        e, f, q, w = self.e, self.f, self.q, self.w
+        np.subtract(self.goals.middle(), q, out=e)
+        if self.banded:
+            e -= np.clip(e, -self.dead, self.dead)
+        np.multiply(self.gain, e, out=f)
+        if self.limited:
+            np.clip(f, -self.limit, self.limit, out=f)
+        f -= self.middle
+        np.multiply(self.slope, q, out=e)
+        f -= e
+        f *= self.push
+        w *= self.keeps
+        w += f
+        if self.drag:
+            w /= 1.0 + self.push * self.p["quadratic_friction.quadratic"] * np.abs(w)
+        total = self.friction()
+        np.minimum(w, total, out=self.held)
+        np.negative(total, out=e)
+        np.maximum(self.held, e, out=self.held)
+        w -= self.held
+        np.multiply(w, self.dt, out=e)
+        q += e
+
+    def friction(self) -> Array:
+        """By how much dry friction may slow each joint in a step (V, n, C) [rad/s]."""
+        if not (len(self.curved) or len(self.driving)):
+            return self.dry
+        total, w = self.dry.copy(), self.w
+        total[self.curved] += self.rough * np.exp(-np.square(w[self.curved] * self.inverse))
+        forth = w[self.driving] * self.carried > 0
+        total[self.driving] += self.rubs * np.where(forth, self.motor, self.back)
+        return total
 
 
 def _steps(motion: DrivenMotion, p: dict[str, Array], turn: float) -> tuple[Array | float, int]:
@@ -134,23 +145,40 @@ def _steps(motion: DrivenMotion, p: dict[str, Array], turn: float) -> tuple[Arra
 
 
 class _Goals:
-    """The goals as the servos see them, sample by sample."""
+    """The goals as the servos see them."""
 
-    def __init__(self, motion: DrivenMotion, p: dict[str, Array], used: set[str]) -> None:
-        self.goal = motion.goal
+    def __init__(
+        self, motion: DrivenMotion, p: dict[str, Array], used: set[str], dt: Array | float, full: Array
+    ) -> None:
+        self.goal, (_, n, C) = motion.goal, motion.goal.shape
         self.late = "goal_delay.delay" in used
         self.follows = not used.isdisjoint(("goal_lag.time_constant", "goal_speed_limit.speed"))
-        _, n, C = motion.goal.shape
         self.rows, self.columns = np.arange(n)[:, None], np.arange(C)
         delay = p["goal_delay.delay"] / motion.step  # (V, n, C) samples
         self.whole = np.floor(delay).astype(int)
         self.part = delay - self.whole
+        self.share = 1.0 - np.exp(-dt / np.maximum(p["goal_lag.time_constant"], 1e-9)) + full
+        self.reach = p["goal_speed_limit.speed"] * dt + full
+        self.ahead, self.now, self.half = np.empty_like(full), full, np.zeros_like(full)
 
-    def at(self, i: int) -> Array:
-        """(V, n, C) or (n, C) [rad]."""
+    def next(self, i: int) -> None:
+        """Sample i arrives."""
         now = self.goal[i]
         if self.late:
             at, before = np.maximum(i - self.whole, 0), np.maximum(i - self.whole - 1, 0)
             now = self.goal[at, self.rows, self.columns]
             now += self.part * (self.goal[before, self.rows, self.columns] - now)
-        return now
+        self.now = now
+        if i == 0 or not self.follows:
+            np.copyto(self.ahead, now)
+
+    def middle(self) -> Array:
+        """(V, n, C) [rad] in the middle of a step."""
+        if self.follows:
+            self.ahead += self.half  # the rest of the step before
+            np.subtract(self.now, self.ahead, out=self.half)
+            self.half *= self.share
+            np.clip(self.half, -self.reach, self.reach, out=self.half)
+            self.half *= 0.5
+            self.ahead += self.half
+        return self.ahead

@@ -15,9 +15,7 @@ from flexviz.robot.robot import Robot
 GAIN = "position_control"  # effect that every such joint has
 
 
-def servo_model(
-    robot: Robot, values: Array, effects: Sequence[ChosenEffect]
-) -> FlexibleModel:
+def servo_model(robot: Robot, values: Array, effects: Sequence[ChosenEffect]) -> FlexibleModel:
     """The model with parameters `values` (P, n); joints with the same servo have each effect of it."""
     n = robot.n
     gains = [

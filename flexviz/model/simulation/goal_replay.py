@@ -6,8 +6,7 @@ import numpy as np
 
 from flexviz.base.facts import Fact
 from flexviz.data.measurements import Group
-from flexviz.model.servo import driven_motion, free_motion
-from flexviz.model.servo.model import servo_values
+from flexviz.model.servo import driven_motion, free_motion, servo_values
 from flexviz.model.simulation.run import Run
 from flexviz.robot.model import FlexibleModel
 from flexviz.robot.robot import Robot

@@ -17,7 +17,7 @@ from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.data.measurements import Group, Segment
-from flexviz.model.servo.model import follows_goals
+from flexviz.model.servo import follows_goals
 from flexviz.model.simulation import rates, starting
 from flexviz.model.simulation.building import TorquePath, make_plant, without_unsimulated
 from flexviz.model.simulation.goal_replay import replay_goals
