@@ -296,7 +296,7 @@ NAMES = {  # other names that loggers give the same signals: θ and τ of two jo
 def test_names_of_other_loggers(names: str) -> None:
     columns = {"time": np.arange(40.0)}
     for pattern in names.split():
-        columns |= {pattern.format(j, j + 1): np.sin(np.arange(40.0) + j) for j in range(2)}
+        columns |= {pattern.format(j, j + 1): 1000 * np.sin(np.arange(40.0) + j) for j in range(2)}
     found = recognised(Log(Path("x"), "CSV", (LogTable("", columns),)), ("joint1", "joint2"))
     assert (found and found.mapping.title) == NAMES[names]
     if found is not None:

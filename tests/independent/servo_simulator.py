@@ -1,7 +1,7 @@
 """Joints that follow goals, by MuJoCo: a truth that shares no code with the estimator.
 
-The firmware's law, delay and friction are written down here once more; MuJoCo integrates the masses. Dry friction
-is its `frictionloss`, whose size follows the load where it does.
+The firmware's law, delay and friction are written down here once more; MuJoCo integrates the masses. Dry
+friction is its `frictionloss`, whose size follows the load where it does.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PENDULUM = """<robot name="pendulum"><link name="base"/>
 <inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="{axis}"/>
 <limit lower="-3" upper="3" effort="10" velocity="10"/></joint></robot>"""
-"""A rod with a mass at .08 m; about a level axis gravity shows its scale, about an upright one nothing does."""
+"""A rod with a mass at .08 m: about a level axis gravity shows its scale, about an upright one nothing."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def simulated(
     at = np.array([model.joint(name).dofadr[0] for name in joints])
     for k, servo in zip(at, servos, strict=True):
         model.dof_damping[k] = servo.viscous
-    n, per = len(joints), round(every / STEP)
+    per = round(every / STEP)
     gain = np.array([s.gain for s in servos])
     limit = np.array([s.value("torque_limit", np.inf) for s in servos])
     dead = np.array([s.value("dead_band") for s in servos])

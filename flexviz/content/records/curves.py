@@ -102,7 +102,7 @@ class FreeCurve:
     explained: Real
     explained_std: Real
     smoothing: Real
-    note: Said = NOT_PHYSICS
+    note: Annotated[Said, Field(json_schema_extra={"default": ""})] = NOT_PHYSICS
     form: Said = ""
 
     @property

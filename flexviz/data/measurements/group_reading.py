@@ -112,16 +112,15 @@ def read_group(
 
     τ of the joints in `no_torque` is not read: it is zero. With a `drive` it is how far the goal is ahead.
     """
-    n, joints, file = robot.n, robot.joints, source.file
-    present = source.names
+    n, joints, file, present = robot.n, robot.joints, source.file, source.names
     signal = [("theta", joint) for joint in joints]
     signal += [("theta_ref" if drive else "tau", joint) for joint in joints if joint not in no_torque]
     needed = [f"{kind}_{joint}" for kind, joint in signal]
     require(present, ["time", *needed], file)
     # a joint called joint_1 has tau_joint_1: not the torque sensor of a joint called 1
     places = {f"{kind}_{joint}": (kind, j) for kind in OPTIONAL_SIGNALS for j, joint in enumerate(joints)}
-    own = {f"tau_{joint}" for joint in joints}
-    optional = [name for name in places if name in present and name not in {*needed, *own}]
+    taken = {*needed, *(f"tau_{joint}" for joint in joints)}
+    optional = [name for name in places if name in present and name not in taken]
     table = source.read(["time", *needed, *optional])
     time, others = table[:, 0], table[:, 1 + len(needed) :]
     places_of = [joints.index(joint) + n * (kind != "theta") for kind, joint in signal]
@@ -132,11 +131,9 @@ def read_group(
     def warn_here(fact: Fact) -> None:
         warn(replace(fact, file=str(file)))
 
-    def warn_in_words(text: str) -> None:
-        warn_here(Fact("doubtful-column", "odd", values={"text": text}))
-
-    units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
-    units.check(stiffness, torque=drive is None)
+    warn_in_words = in_words(warn_here)
+    unit_check = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
+    unit_check.check(stiffness, torque=drive is None)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(Fact("constant-column", "odd", columns=(name,)))
@@ -159,13 +156,18 @@ def read_group(
     )  # fmt: skip
 
 
+def in_words(warn: Callable[[Fact], None]) -> Callable[[str], None]:
+    """What warns of a column in words."""
+    return lambda text: warn(Fact("doubtful-column", "odd", values={"text": text}))
+
+
 def named(**signals: Array | None) -> dict[str, Array]:
     """Those that there are."""
     return {name: signal for name, signal in signals.items() if signal is not None}
 
 
 def with_lead(signals: Array, joints: Sequence[str], file: Path) -> tuple[Array, Array]:
-    """The goals (N, n) among θ and goals (N, 2n), checked; and θ with how far they are ahead in their place."""
+    """The goals (N, n) among θ and goals (N, 2n), checked; θ, and how far they are ahead, (N, 2n)."""
     theta, goals = signals[:, : len(joints)], signals[:, len(joints) :]
     check_goals(goals, theta, joints, file)
     return goals, np.concatenate((theta, goals - theta), axis=1)
