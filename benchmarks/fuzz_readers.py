@@ -34,7 +34,7 @@ from flexviz.data.measurements import read_set
 from flexviz.outlets.app.sets import open_set
 from flexviz.outlets.app.uploads import UploadFolder, take
 from flexviz.outlets.recording import check_recording, read_recording, record_set
-from flexviz.outlets.view import set_html
+from flexviz.content.view import set_html
 from flexviz.robot.robot import Robot
 from tests import import_data
 from tests.small_session import small_session

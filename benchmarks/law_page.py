@@ -22,7 +22,7 @@ from flexviz.content.charts.svg import FILE, draw_svg
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.report import ReportDocument, Section, html
 from flexviz.outlets.report.blocks import Figures
-from flexviz.outlets.view import law_chart
+from flexviz.content.view import law_chart
 from tests.analysis.test_laws import OTHER, last_law, simulated
 
 HEIGHT = 190  # [px] of a chart

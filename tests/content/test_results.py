@@ -133,8 +133,8 @@ def test_the_summary_is_a_table(result: Identification) -> None:
     assert "kg m²" in row and " weak " in row  # the set's model lacks friction
     assert "held out [%]" in text and "noise [Nm]" in text and "observer butterworth-zero-phase" in text
     html = result._repr_html_()
-    assert html.count("<table>") == 3 and "<td>stiffness</td>" in html
-    assert "Missing: Coulomb friction on joint2:" in DIAGNOSIS._repr_html_()
+    assert html.count("<table") == 4 and "<td>stiffness</td>" in html
+    assert "Missing:</b> Coulomb friction on joint2:" in DIAGNOSIS._repr_html_()
 
 
 def test_files_are_checked_strictly(tmp_path: Path) -> None:

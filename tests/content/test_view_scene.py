@@ -12,9 +12,9 @@ from flexviz.content.charts import palette as colours
 from flexviz.content.scene import FIELD_OF_VIEW, VIEWS, Box, Screen, robot_shape, scene_layout
 from flexviz.content.scene.shape import MAX_FACES, thinned_mesh
 from flexviz.content.scene.stage import LABEL_HEIGHT
+from flexviz.content.view.tables import set_html
 from flexviz.content.wording import escape
 from flexviz.data.measurements import read_set
-from flexviz.outlets.view.tables import set_html
 from flexviz.robot.robot import Robot
 from tests.small_set import write_small_set
 

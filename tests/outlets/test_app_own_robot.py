@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+from flexviz.content.view import set_html
 from flexviz.data.measurements import read_set
 from flexviz.outlets.app.application import Application
 from flexviz.outlets.app.steps.own_robot import OwnRobot
-from flexviz.outlets.view import set_html
 from flexviz.robot.robot import Robot
 from tests.app_running import act, command, control, running, send, status, until, upload, use, wait
 from tests.import_data import truth, write_robot

@@ -13,10 +13,10 @@ from shared_data import FAULTS
 
 from flexviz import diagnose, identify
 from flexviz.checks import issues_of_set
+from flexviz.content.view import set_html
 from flexviz.content.wording import issue_text
 from flexviz.data.measurements import read_set
 from flexviz.outlets.app.sets import cached_set
-from flexviz.outlets.view import set_html
 
 SETS = ("joint-columns-swapped", "tau-columns-swapped")
 

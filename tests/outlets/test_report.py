@@ -15,14 +15,13 @@ import pytest
 
 from flexviz.base.errors import InputError
 from flexviz.content.records import EffectParameter, GroupError, Note
+from flexviz.content.rendering import html, markdown
 from flexviz.content.session import Session
+from flexviz.content.topics import gather
+from flexviz.content.topics.verdict import sentence
 from flexviz.content.wording import number
 from flexviz.data.measurements import MeasurementSet, read_set
 from flexviz.outlets.report import diagnosed_session, session_report
-from flexviz.outlets.report.content import gather
-from flexviz.outlets.report.html import html
-from flexviz.outlets.report.markdown import markdown
-from flexviz.outlets.report.sections.summary import sentence
 from flexviz.outlets.report.writing import compose
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
 from tests.small_session import small_session

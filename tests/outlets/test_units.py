@@ -15,12 +15,12 @@ from flexviz.content.charts import Chart, ChartAxis
 from flexviz.content.records import JointErrors
 from flexviz.content.scene import RobotMotion
 from flexviz.content.session import Session, save_session
+from flexviz.content.view import joints_html
 from flexviz.content.wording import error_whole, sliding_note
 from flexviz.data.measurements import read_set
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.recording.paths import TITLES, titled
 from flexviz.outlets.terminal import main
-from flexviz.outlets.view import joints_html
 from tests.data.test_import_prismatic import LIFT
 from tests.small_set import LINK
 

@@ -9,7 +9,7 @@ import numpy as np
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.analysis.identification import Identification
 from flexviz.content.records import JointErrors
-from flexviz.content.results import markdown
+from flexviz.content.rendering import markdown_fragment
 from flexviz.content.scene import RobotMotion
 from flexviz.content.wording import (
     as_markdown,
@@ -17,16 +17,12 @@ from flexviz.content.wording import (
     error_whole,
     markdown_table,
     mounting_text,
-    share_text,
-    span_text,
     verdict_text,
 )
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.outlets.recording.optimiser import Solve
 
 SIMULATED = "**Simulated data**: a simulator wrote this measurement set, no robot was recorded."
-MAX_LOCATIONS = 6  # joint and variable, where the final model fails
-NOTABLE_SHARE = 0.01  # smallest share of the residual that is listed
 
 
 def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses: Sequence[Diagnosis]) -> str:
@@ -71,22 +67,12 @@ def result_text(result: Identification, count: int, label: str) -> str:
     refined = ", refined" if result.refined else ""
     title = f"# Result {count}{f': {as_markdown(label)}' if label else ''}{refined}"
     named = f"effects in the model: {as_markdown(effects) or 'none'}"
-    return "\n\n".join([title, named, markdown(result.document())])
+    return "\n\n".join([title, named, markdown_fragment(result.document().blocks())])
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """The verdict, the ranked findings, the staircase, notes, and where the model fails."""
-    lines = [f"# {markdown(diagnosis.document())}", ""]
-    units = {(one.joint, one.variable): one.unit for one in diagnosis.maps}
-    places = [place for place in diagnosis.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
-    if places:
-        lines += ["## Where the final model fails", ""]
-    groups = [group.name for group in diagnosis.steps[-1].groups] if diagnosis.steps else []
-    for place in places:
-        share, unit = share_text(place.explained), units.get((place.joint, place.variable), "")
-        span = as_markdown(span_text(place, unit, groups))
-        lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {span}")
-    return "\n".join(lines)
+    """The verdict, the ranked findings, the staircase, where the model fails, notes."""
+    return markdown_fragment(diagnosis.document().blocks())
 
 
 def group_text(

@@ -8,6 +8,7 @@ from typing import Any
 
 from flexviz.base.errors import InputError
 from flexviz.content.session import ROLES, Autosave, Unsaved, find_unsaved
+from flexviz.content.view import set_html
 from flexviz.content.wording import number, temperature_text
 from flexviz.data.measurements import Group
 from flexviz.outlets.app.explained import ExplainedHtml
@@ -21,7 +22,6 @@ from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import hidden_in_the_dark, label_width
 from flexviz.outlets.app.workspace import unsaved_dir
-from flexviz.outlets.view import set_html
 
 ROLE_NAMES = tuple(role.capitalize() for role in ROLES)
 MAX_LABEL_LENGTH = 40  # characters of a group's label
