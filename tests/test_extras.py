@@ -51,7 +51,7 @@ def test_a_command_names_its_extra(arguments: list[str], says: str, tmp_path: Pa
     done = in_the_core(RUN, *inside)
     assert done.returncode == 2 and done.stdout == ""
     *progress, said = done.stderr.strip().splitlines()
-    assert all("%" in line or line == COMPARING for line in progress) and says in said, done.stderr
+    assert all("%" in line or line == COMPARING.text for line in progress) and says in said, done.stderr
 
 
 def test_analysis_report_and_export_need_no_extra(tmp_path: Path) -> None:

@@ -54,6 +54,16 @@ class AcceptanceLine:
         """ "at most 5 %"."""
         return Fact("acceptance-limit", values={"limit": self.limit, "unit": self.unit})
 
+    @property
+    def figure_text(self) -> str:
+        """What the result has, in words."""
+        return self.found.text
+
+    @property
+    def limit_text(self) -> str:
+        """What it has to keep, in words."""
+        return self.required.text
+
     def to_dict(self) -> dict[str, Any]:
         """What JSON holds of it."""
         texts = {name: str(getattr(self, name) or "") for name in ("what", "remark", "also")}

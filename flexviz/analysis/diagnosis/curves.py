@@ -34,7 +34,6 @@ from flexviz.analysis.diagnosis.residuals import (
     samples,
 )
 from flexviz.analysis.estimation import WIDE_HERTZ, spectral_covariance
-from flexviz.base.facts import Fact
 from flexviz.content.records import FreeCurve, ResidualLocation
 from flexviz.model.effects import FreeCurveEffect, free_curve
 from flexviz.model.effects.free_curve import CONSTANTS, DIRECTIONS, NODES, SIZE
@@ -146,7 +145,6 @@ def fit_free_curve(
     curve = FreeCurve(
         place.joint, variable.split()[0], UNITS[variable], DIRECTIONS if best.curve.sides == 2 else ("",),
         centres, value, std, best.found.share, best.found.std, best.noise,
-        Fact("curve-not-physics"),
     )  # fmt: skip
     form = curve.simple_form() if curve.certain else None
     return replace(curve, form=form.fact if form else "")

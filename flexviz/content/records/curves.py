@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
+from flexviz.base.facts import Fact
 from flexviz.base.fields import RECORD, Column, Counts, Real, Rows, Said, check_lengths
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.records.parameters import ParameterEstimate
@@ -26,6 +27,8 @@ from flexviz.model.effects import (
 )
 
 Array = NDArray[np.float64]
+
+NOT_PHYSICS = Fact("curve-not-physics")
 
 
 @dataclass(frozen=True, config=RECORD)
@@ -99,7 +102,7 @@ class FreeCurve:
     explained: Real
     explained_std: Real
     smoothing: Real
-    note: Said = ""
+    note: Said = NOT_PHYSICS
     form: Said = ""
 
     @property
