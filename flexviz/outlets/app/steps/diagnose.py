@@ -66,7 +66,7 @@ class DiagnoseStep(WorkflowStep):
         self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
-        self._tried, self._more = ExplainedHtml(gui), ExplainedHtml(gui)
+        self._tried, self.more = ExplainedHtml(gui), ExplainedHtml(gui)
         self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
         self.next_buttons = {"find": self._find, "add": self.findings[0].add}
@@ -119,7 +119,7 @@ class DiagnoseStep(WorkflowStep):
         self._show_findings()
         tried = list(why_blocks(current, joints)) if current is not None else []
         self._tried.content = panel([Details(TRACE_TITLE, tried)] if tried else [])
-        self._more.content = panel(more_blocks(current))
+        self.more.content = panel(more_blocks(current or analysis.identification))
         self.deciding.refresh()
         families = dict(pair for one in analysis.model_steps for pair in one.families)
         self.model.show(store.measurements.effects, analysis.effects, joints, why, families)
