@@ -233,5 +233,5 @@ def test_the_values_of_what_was_added_after_the_first_effect_are_told() -> None:
     )
     text = document.summary()
     assert text.count("then added:") == 1
-    assert "then added: backlash on joint2: half_width 0.2500 ± 0.0020 rad; removes < 1 %" in text
-    assert "2. backlash on joint2: half_width 0.5000 ± 0.0020 rad" in text
+    assert "then added: Backlash on joint2 (backlash): half width 0.2500 ± 0.0020 rad; removes < 1 %" in text
+    assert "2. Backlash on joint2 (backlash): half width 0.5000 ± 0.0020 rad" in text

@@ -171,7 +171,10 @@ def test_the_summary_has_one_line_per_kind_with_the_share_of_the_torque() -> Non
     diagnosis = replace(DIAGNOSIS, findings=(COULOMB, FIRST, OFFSET), steps=(BEFORE, AFTER, both))
     text = lines(diagnosis, (11.0, 10.0))
     assert text.startswith("Missing: Coulomb friction on joints 1 and 2: 98 % of the error, confidence 98 %.")
-    assert "1. coulomb_friction on joints 1 and 2: together they remove 98 % of the error" in text
+    assert (
+        "1. Coulomb friction on joints 1 and 2 (coulomb_friction): together they remove 98 % of the error"
+        in text
+    )
     assert "joint1: coulomb 7.000 ± 0.039 Nm" in text and "joint2: coulomb 3.000 ± 0.020 Nm" in text
     rows = [line.split() for line in text.splitlines()]
     assert ["joint2", "11.0", "3.00"] in [row[:3] for row in rows] and ["mean", "15.5", "1.59"] in [
@@ -257,8 +260,11 @@ def test_the_headline_names_what_removes_most_of_the_error() -> None:
     text = found.summary().splitlines()
     assert text[0].startswith("Missing: Coulomb friction on joints 1, 2, 3, 4, 5 and 6: 98 %")
     order = [line for line in text if line.strip()[:2] in ("1.", "2.")]
-    assert "together they remove 98 % of the error" in order[0] and "cable_spring on joint2" in order[1]
-    assert "removes < 1 % of the error, confidence 0.99" in order[1]
+    assert (
+        "together they remove 98 % of the error" in order[0]
+        and "Cable spring on joint2 (cable_spring)" in order[1]
+    )
+    assert "removes < 1 % of the error, confidence 99 %" in order[1]
     shares = [candidate["share"] for candidate in found.to_dict()["candidates"]]
     assert shares == sorted(shares, reverse=True) and sum(shares) == pytest.approx(1 - 1 / 49)
 
@@ -270,8 +276,8 @@ def test_a_family_is_named_where_the_data_do_not_tell_its_members_apart() -> Non
     )
     assert verdict_text(replace(TIED_DIAGNOSIS, steps=(BEFORE,))).endswith(f"confidence 97 %; {untold}.")
     text = TIED_DIAGNOSIS.summary()
-    assert f"1. dry friction ({untold}; here coulomb_friction) on joint2: coulomb 3.000" in text
-    assert "confidence 0.97" in text and "+ Dry friction on joint2" in text
+    assert f"1. Dry friction on joint2; {untold} (coulomb_friction): coulomb 3.000" in text
+    assert "confidence 97 %" in text and "+ Dry friction on joint2" in text
     # told apart: the effect, as ever
     told = replace(TIED, family=replace(FRICTION, tied=False), confidence=0.98)
     assert verdict_text(replace(DIAGNOSIS, findings=(told,), steps=(BEFORE,))).startswith("Missing: Coulomb")

@@ -12,6 +12,7 @@ import pytest
 
 from flexviz.analysis.diagnosis import DIRECTED, Diagnosis, Evidence, Finding, PredictionErrors, Step
 from flexviz.analysis.diagnosis.residuals import UNITS
+from flexviz.content.blocks import Paragraph, TableBlock
 from flexviz.content.records import (
     Absorbed,
     EffectParameter,
@@ -327,6 +328,7 @@ def test_what_to_do_next(tmp_path: Any) -> None:
 
 def test_what_was_tried_is_a_table() -> None:
     moves, decoys = why_blocks(TIED_DIAGNOSIS, JOINTS)
+    assert isinstance(moves, TableBlock) and isinstance(decoys, Paragraph)
     assert [[cell.text for cell in row] for row in moves.rows][:2] == [
         ["Dry friction on joint2 added", "400 ± 12", "coarse", "accepted"],
         ["Torque offset on joint1 not added", "1.5 ± 1.0", "fine", "within its error"],

@@ -90,33 +90,30 @@ register(Findings())
 
 
 def _candidate(rank: int, merged: wording.MergedFinding[CandidateEffect], joints: Sequence[str]) -> Item:
-    """A candidate with its place and values; of several joints, one value per joint."""
+    """A candidate on one line, with the name that commands take; what it is like below."""
     first, *others = merged.members
-    removes = wording.removes_text(merged)
+    values = "" if others else wording.values_text(first)
+    told = "; ".join(filter(None, (values, f"{wording.removes_text(merged)}, {_sure(merged.members)}")))
+    below = [wording.kinds_text(first)] if merged.tied else []
     if others:
-        sure = wording.confidence_range(merged.members)
-        below = [_of_joint(member) for member in merged.by_joint(joints)]
-        return Item(f"{_named(first)} on {merged.place(joints)}: {removes}, confidence {sure}", below)
-    below = []
-    for tie in first.inseparable_from:
-        place = f" on {tie.joint}" if tie.joint else ""
-        below.append(f"not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})")
-        below += [tie.breaks] if tie.breaks else []
-    if first.inseparable_from and rank == 0:
+        below += map(_row, merged.by_joint(joints))
+    else:
+        below += map(wording.tie_text, first.inseparable_from)
+    if first.inseparable_from and rank == 0 and not others:
         tie = first.inseparable_from[0]
         pair = first.text, EffectValue(tie.effect, tie.joint).text
         options = " ".join(f"--separate {text}" for text in pair)
         below.append(f"the motion that would decide: flexviz design SET {options} --out DIR")
-    sure = f"confidence {wording.confidence_of(first):.2f}"
-    return Item(f"{_named(first)} on {_place_text(first)}: {_values(first)}; {removes}, {sure}", below)
+    return Item(f"{merged.statement(joints)} ({first.effect}): {told}", below)
 
 
-def _of_joint(member: CandidateEffect) -> str:
-    twins = ", ".join(
-        tie.effect + (f" on {tie.joint}" if tie.joint != member.joint else "")
-        for tie in member.inseparable_from
-    )
-    return f"{member.joint}: {_values(member)}" + (f"; not told apart from {twins}" if twins else "")
+def _sure(members: Sequence[CandidateEffect]) -> str:
+    return f"confidence {wording.confidence_range(members)}"
+
+
+def _row(one: CandidateEffect) -> str:
+    ties = ", ".join(wording.lower(wording.effect_title(tie.effect)) for tie in one.inseparable_from)
+    return f"{one.joint}: {wording.values_text(one)}" + (f" (hard to tell from {ties})" if ties else "")
 
 
 def _then_added(result: ResultDocument) -> Iterator[str]:
@@ -127,41 +124,20 @@ def _then_added(result: ResultDocument) -> Iterator[str]:
 
     listed = {(key(candidate), candidate.confidence) for candidate in result.candidates}
     last = {key(effect): effect for effect in result.model.effects} if result.model is not None else {}
-    forms = {
-        (one.effect, one.joint): f"; its form is that of {one.form}" for one in result.curves if one.form
-    }
+    forms = {(one.effect, one.joint): f"its form is that of {one.form}" for one in result.curves if one.form}
     later = [step.added for step in result.steps if step.added is not None]
     shares = found_shares(result)
     for added in sorted(later, key=lambda one: -shares.get(finding_key(one), 0.0)):
         if (key(added), added.confidence) not in listed:
-            found = f": {_values(last[key(added)])}" if key(added) in last else ""
             share = shares.get(finding_key(added))
-            less = f"; removes {wording.share_text(share)} of the error" if share is not None else ""
-            sure = f"; confidence {wording.confidence_of(added):.2f}" if not added.stopgap else ""
-            form = forms.get((added.effect, added.joint), "")
-            yield f"then added: {_named(added)} on {_place_text(added)}{found}{less}{sure}{form}"
-
-
-def _named(one: FoundEffect) -> str:
-    """The effect by its name on the command line, after the family that it stands for."""
-    family = wording.tied_family(one)
-    if family is None:
-        return one.effect
-    return f"{wording.family_title(family.name)} ({wording.UNTOLD}; here {one.effect})"
-
-
-def _place_text(one: FoundEffect) -> str:
-    """The joint, payload or whole robot, and the group of an episode."""
-    place = one.joint or one.payload or "the whole robot"
-    return f"{place} in group {one.group}" if one.group else place
-
-
-def _values(candidate: CandidateEffect | EffectEntry) -> str:
-    """ "coulomb 3.000 ± 0.012 Nm"; of a free curve its range and its extremes."""
-    if free_curve(candidate.effect) is not None:
-        return wording.curve_text(list(candidate.parameters.values()))
-    values = candidate.parameters.items()
-    return ", ".join(f"{name} {wording.value_text(candidate.effect, name, one)}" for name, one in values)
+            told = [
+                wording.values_text(last[key(added)]) if key(added) in last else "",
+                "" if share is None else f"removes {wording.share_text(share)} of the error",
+                "" if added.stopgap else f"confidence {wording.share_text(wording.confidence_of(added))}",
+                forms.get((added.effect, added.joint), ""),
+            ]
+            said = "; ".join(filter(None, told))
+            yield f"then added: {wording.finding_name(added)} ({added.effect}){said and f': {said}'}"
 
 
 def finding_panel(merged: Merged, rank: int, full: bool, joints: Sequence[str] = ()) -> list[Block]:
@@ -171,7 +147,7 @@ def finding_panel(merged: Merged, rank: int, full: bool, joints: Sequence[str] =
     """
     members = merged.members
     likely = min(map(wording.confidence_of, members))
-    sure = f"confidence {wording.confidence_range(members)}, {wording.removes_text(merged)}"
+    sure = f"{_sure(merged.members)}, {wording.removes_text(merged)}"
     out: list[Block] = [
         Paragraph(f"{rank}. {merged.statement(joints)}", strong=True),
         Meter(sure, likely, likely >= wording.LIKELY),
@@ -180,19 +156,13 @@ def finding_panel(merged: Merged, rank: int, full: bool, joints: Sequence[str] =
     if len(members) == 1:
         values = wording.values_text(members[0])
         out += [Paragraph(values)] if values else []
-        ties = members[0].inseparable_from if full else members[0].inseparable_from[:1]
-        out += [warning(wording.tie_text(tie)) for tie in ties]
+        out += [warning(wording.tie_text(tie)) for tie in members[0].inseparable_from[: None if full else 1]]
     else:
         out.append(Details("Values per joint", [Paragraph(_row(one)) for one in merged.by_joint(joints)]))
     absorbed = wording.moved(members)
     if full and absorbed:
         out.append(explanation(f"Other parameters had absorbed it: {wording.absorbed_list(absorbed)}."))
     return out
-
-
-def _row(one: Finding) -> str:
-    ties = ", ".join(wording.lower(wording.effect_title(tie.effect)) for tie in one.inseparable_from)
-    return f"{one.joint}: {wording.values_text(one)}" + (f" (hard to tell from {ties})" if ties else "")
 
 
 def heading(diagnosis: Diagnosis | None) -> list[Block]:

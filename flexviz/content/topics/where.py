@@ -59,8 +59,8 @@ class Where(Topic):
         texts = []
         for place in places:
             span = span_text(place, units.get((place.joint, place.variable), ""), groups)
-            left = "of what no effect explains, " if place.joint in curved else ""
-            share = f"{left}{share_text(place.explained)}"
+            left = " of what no effect explains" if place.joint in curved else ""
+            share = f"{share_text(place.explained)}{left}"
             texts.append(f"{place.joint} along {place.variable}: {share}, mostly {span}")
         yield Details(f"{self.title}:", [Items(texts)])
 
