@@ -16,7 +16,7 @@ from flexviz.content.rendering import panel
 from flexviz.content.results import LinkSide
 from flexviz.content.scene import RobotMotion
 from flexviz.content.session import Analysis
-from flexviz.content.topics import parameter_panel
+from flexviz.content.topics import parameter_panel, set_blocks
 from flexviz.content.view import (
     joint_effects,
     joints_html,
@@ -25,9 +25,9 @@ from flexviz.content.view import (
     link_colours,
     matrix_html,
     status,
+    truth_values,
     with_joints,
 )
-from flexviz.content.view.tables import set_html, truth_html, truth_values
 from flexviz.content.wording import number, plain_name, short_names
 from flexviz.content.wording.numbers import with_error
 from flexviz.data.measurements import read_set
@@ -175,13 +175,15 @@ def test_truth_values_from_a_simulation() -> None:
 
 def test_set_summary(tmp_path: Path) -> None:
     measurements = read_set(write_small_set(tmp_path / "small"))
-    text = set_html(measurements)
+    text = panel(set_blocks(measurements))
     for part in ("2 joints", "3 groups", "500 Hz", "coulomb friction", "given: replayed"):
         assert part in text
-    assert "simulated" not in text and "simulated data" in set_html(replace(measurements, simulated=True))
-    assert "<b>x</b>" not in set_html(
-        replace(measurements, warnings=(Fact("x", values={"text": "<b>x</b>"}),))
+    assert (
+        "simulated" not in text
+        and "simulated data" in panel(set_blocks(replace(measurements, simulated=True))).lower()
     )
+    warned = replace(measurements, warnings=(Fact("x", values={"text": "<b>x</b>"}),))
+    assert "<b>x</b>" not in panel(set_blocks(warned))
 
 
 def test_status_names_step_and_error() -> None:
@@ -309,9 +311,9 @@ def test_joints_are_named_shortly_where_that_is_clear() -> None:
 def test_truth_is_told_only_when_asked_for() -> None:
     truth: dict[tuple[str, str | None], float]
     truth = {("stiffness", "j1"): 900.0, ("coulomb_friction.coulomb", "j1"): 3.0}
-    assert truth_html(None) == ""
-    assert "coulomb friction of j1 3" in truth_html(truth)
-    assert "no effect was hidden" in truth_html({("stiffness", "j1"): 900.0})
+    assert "Truth" not in parameters_of(None)
+    assert "coulomb friction of j1 3" in parameters_of(None, truth)
+    assert "no effect was hidden" in parameters_of(None, {("stiffness", "j1"): 900.0})
 
 
 def test_effects_joint_by_joint() -> None:

@@ -4,6 +4,7 @@ import pkgutil
 from importlib import import_module
 
 from flexviz.content.topics.acceptance import verified
+from flexviz.content.topics.data import SIMULATED, set_blocks, set_rows
 from flexviz.content.topics.findings import finding_panel, heading
 from flexviz.content.topics.parameters import check_blocks, parameter_panel
 from flexviz.content.topics.staircase import group_rows

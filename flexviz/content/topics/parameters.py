@@ -14,7 +14,7 @@ from flexviz.content.results import ResultDocument
 from flexviz.content.topics.link_side import link_side_blocks
 from flexviz.content.topics.story import Story
 from flexviz.content.topics.topic import Topic, register
-from flexviz.content.view import model_curve_charts, physical
+from flexviz.content.view import Truth, model_curve_charts, physical
 from flexviz.content.wording import (
     MARKS,
     SYMBOLS,
@@ -40,7 +40,6 @@ LARGE = ((1e-6, "M", 1e7), (1e-3, "k", 1e4))  # factor, prefix, and from which v
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 PANEL_TIES, MAX_NAMED = 4, 8  # ties of a parameter in the app; parameters in a sentence
 SHORT = "a value – is not determined by these data"
-Truth = Mapping[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
 
 
 class Parameters(Topic):
@@ -96,10 +95,12 @@ def _table(parameters: Iterable[ParameterEstimate]) -> blocks.TableBlock:
 def parameter_panel(result: Identification | None, truth: Truth | None = None) -> list[blocks.Block]:
     """The same by symbols and joints, with SI prefixes, and the `truth` of a simulated set on request."""
     if result is None:
-        return [explanation("The parameters appear here after Run.")]
+        waiting = explanation("The parameters appear here after Run.")
+        return [waiting] if truth is None else [Paragraph(_hidden(truth)), waiting]
     main = [p for p in physical(result.parameters) if p.name not in INERTIAL_NAMES]
     inertial = [p for p in result.parameters if p.name in INERTIAL_NAMES]
-    out: list[blocks.Block] = [_symbols(main, truth), *link_side_blocks(result)]
+    hidden = [] if truth is None else [Paragraph(_hidden(truth))]
+    out: list[blocks.Block] = [*hidden, _symbols(main, truth), *link_side_blocks(result)]
     legend = " ".join(f"{MARKS[k]} {k}" for k in MARKS)
     out.append(explanation(f"id. = identifiable: {legend}. ⚑ at its bound."))
     if not result.refined:
@@ -110,6 +111,17 @@ def parameter_panel(result: Identification | None, truth: Truth | None = None) -
     if inertial:
         out.append(blocks.Details(f"Inertial parameters ({len(inertial)})", [_symbols(inertial, truth)]))
     return out
+
+
+def _hidden(truth: Truth) -> str:
+    """The effects hidden in a simulated set."""
+    found = [
+        f"{plain_name(name)}{f' of {place}' if place else ''} {number(value)}"
+        for (name, place), value in truth.items()
+        if "." in name
+    ]
+    said = f"the hidden effects were {'; '.join(found)}" if found else "no effect was hidden"
+    return f"Truth: {said}."
 
 
 def _symbols(parameters: Iterable[ParameterEstimate], truth: Truth | None) -> blocks.TableBlock:

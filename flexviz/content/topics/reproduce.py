@@ -20,9 +20,10 @@ from flexviz.content.blocks import (
     table,
 )
 from flexviz.content.session import Analysis
+from flexviz.content.topics.data import group_table, set_rows
 from flexviz.content.topics.story import Story, shown_time
 from flexviz.content.topics.topic import Topic, register
-from flexviz.content.wording import mounting_text, number, plural, temperature_text
+from flexviz.content.wording import number
 from flexviz.model.effects import loaded_files
 
 LIBRARIES = ("numpy", "scipy", "pin", "pyarrow")
@@ -50,30 +51,9 @@ class Reproduce(Topic):
 register(Reproduce())
 
 
-def _groups(content: Story) -> TableBlock:
-    roles = dict(content.analysis.roles)
-    rows = []
-    warm = any(group.temperature is not None for group in content.measurements.groups)
-    for group in content.measurements.groups:
-        rates = sorted({round(1.0 / segment.step) for segment in group.segments})
-        rate = "–" if not rates else f"{rates[0]:g}" + ("" if len(rates) == 1 else f"–{rates[-1]:g}")
-        rows.append(
-            [
-                group.name,
-                group.trajectory,
-                group.payload,
-                *([temperature_text(group.temperature) or "–"] if warm else []),
-                USED.get(roles.get(group.name, "ignore"), "not used"),
-                number(group.duration, 3),
-                rate,
-                str(group.samples),
-                str(len(group.segments)),
-            ]
-        )
-    head = ["group", "trajectory", "payload", "used to", "length [s]", "rate [Hz]", "samples", "pieces"]
-    if warm:
-        head.insert(3, "temperature")
-    return table(head, rows, tuple(range(len(head) - 4, len(head))))
+def _groups(story: Story) -> TableBlock:
+    used = {name: USED.get(role, "not used") for name, role in story.analysis.roles}
+    return group_table(story.measurements.groups, used)
 
 
 def _settings(content: Story) -> TableBlock:
@@ -81,9 +61,8 @@ def _settings(content: Story) -> TableBlock:
     versions = [f"{name} {_version(name)}" for name in LIBRARIES]
     rows = [
         ["measurement set", str(measurements.path) if measurements.in_files else IN_MEMORY],
-        ["robot", f"{robot.name} ({robot.source}), {plural(measurements.n, 'joint')}"],
-        ["mounting", mounting_text(robot.gravity) or "upright"],
-        ["effects of the set", ", ".join(measurements.effects) or "none"],
+        *([title[:1].lower() + title[1:], said] for title, said in set_rows(measurements)),
+        ["robot description", str(robot.source)],
         ["torque hold", f"{measurements.torque_hold:g} s"],
     ]
     if content.identification is not None:

@@ -80,11 +80,6 @@ from flexviz.content.view.status import (
     worst_joint,
     wrong_html,
 )
-from flexviz.content.view.tables import (
-    set_html,
-    truth_html,
-    truth_values,
-)
 from flexviz.content.view.time_charts import (
     numbers_html,
     observer_for,
@@ -94,4 +89,5 @@ from flexviz.content.view.time_charts import (
     stretch,
 )
 from flexviz.content.view.torque_fit import torque_fit_charts
+from flexviz.content.view.truth import Truth, truth_values
 from flexviz.content.view.tuning import Cost, residuals_html, trade_chart

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.base.errors import InputError
+from flexviz.content.rendering import panel
 from flexviz.content.session import ROLES, Autosave, Unsaved, find_unsaved
-from flexviz.content.view import set_html
+from flexviz.content.topics import set_blocks
 from flexviz.content.wording import number, temperature_text
 from flexviz.data.measurements import Group
 from flexviz.outlets.app.explained import ExplainedHtml
@@ -57,7 +58,7 @@ class DataStep(WorkflowStep):
     def _opened(self) -> None:
         """Show the new set and one row per group."""
         measurements, page = self.store.measurements, self.page
-        self._about.content = set_html(measurements, self.store.opened.shape.missing)
+        self._about.content = panel(set_blocks(measurements, self.store.opened.shape.missing))
         for row in self._roles.values():
             row.remove()
         self._roles = {}

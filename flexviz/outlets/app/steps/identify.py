@@ -113,7 +113,7 @@ class IdentifyStep(WorkflowStep):
         shown = result, truth if self._truth.value else None
         if self._drawn is None or any(a is not b for a, b in zip(self._drawn, shown, strict=True)):
             self._drawn = shown  # drawn once, not at every step of a slider
-            self._table.content = view.truth_html(shown[1]) + panel(parameter_panel(*shown))
+            self._table.content = panel(parameter_panel(*shown))
 
 
 class EffectList:
