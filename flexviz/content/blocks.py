@@ -10,6 +10,7 @@ from flexviz.content.charts import Chart
 
 FIGURE_HEIGHT = 230  # [px] of a chart without its legend
 SMALL_HEIGHT = 190  # [px] of one of three side by side
+LISTED = 4  # entries named of what may be long
 Tone = Literal["", "good", "missing", "unknown", "warn", "old"]
 
 

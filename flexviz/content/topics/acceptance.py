@@ -23,8 +23,6 @@ class Acceptance(Topic):
 
     name = "acceptance"
     title = "Acceptance"
-    place = 20
-    app = False
 
     def section(self, story: Story) -> Section | None:
         found = accepted(story)

@@ -18,8 +18,6 @@ class Bandwidth(Topic):
 
     name = "bandwidth"
     title = "What moves with the observer's bandwidth"
-    place = 90
-    app = False
 
     def section(self, story: Story) -> blocks.Section | None:
         found = None if story.diagnosis is None else story.diagnosis.guard

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from flexviz.content.blocks import Block, Paragraph, TableBlock, explanation, table, warning
+from flexviz.content.blocks import LISTED, Block, Paragraph, TableBlock, explanation, table, warning
 from flexviz.content.wording import mounting_text, number, plain_name, plural, temperature_text
 from flexviz.data.measurements import Group, MeasurementSet
 
 SIMULATED = "Simulated data: a simulator wrote this measurement set, no robot was recorded."
-MOST_WARNINGS = 3  # shown in the app
 LONG = 600.0  # [s] from which a recording is told in minutes
 
 
@@ -36,7 +35,7 @@ def rate_text(groups: Sequence[Group]) -> str:
 
 def set_blocks(measurements: MeasurementSet, missing: Sequence[str] = ()) -> list[Block]:
     """A set in the app; `missing` are the reasons for meshes that are not drawn."""
-    warnings = [*map(str, measurements.warnings[:MOST_WARNINGS])]
+    warnings = [*map(str, measurements.warnings[:LISTED])]
     if missing:
         more = f" (and {plural(len(missing) - 1, 'other')})" if len(missing) > 1 else ""
         warnings.append(f"Drawn as sticks where meshes are missing: {missing[0]}{more}")

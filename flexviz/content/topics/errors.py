@@ -17,8 +17,6 @@ class Errors(Topic):
 
     name = "errors"
     title = "The error"
-    place = 62
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         if result.verdict is None and result.residual is not None:

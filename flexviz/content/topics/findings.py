@@ -8,6 +8,7 @@ from dataclasses import replace
 from flexviz.analysis.diagnosis import Diagnosis, Finding
 from flexviz.content import wording
 from flexviz.content.blocks import (
+    LISTED,
     SMALL_HEIGHT,
     Block,
     Cell,
@@ -39,8 +40,6 @@ from flexviz.model.effects import EFFECTS, free_curve
 from flexviz.robot.model import EffectValue
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
-MAX_ABSORBED = 4  # parameters named
-MAX_CANDIDATES = 4  # listed per model, effects of one kind together
 NOT_CREDIBLE = "Tried, but not credible explanations of the residual:"
 Merged = wording.MergedFinding[Finding]
 
@@ -50,9 +49,6 @@ class Findings(Topic):
 
     name = "added"
     title = "Which effects"
-    place = 50
-    printed = 20
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         joints = joints_of(result)
@@ -70,7 +66,7 @@ class Findings(Topic):
         proposed = story.proposed
         every = [*added, *([proposed] if proposed else [])]
         moves = [a for a in wording.moved(story.found) if a.deviations >= MIN_DEVIATIONS]
-        named = wording.absorbed_list(moves, MAX_ABSORBED)
+        named = wording.absorbed_list(moves, LISTED)
         hinted = "" if proposed is None else _absorbing(proposed.members)
         return section(
             self.title,
@@ -260,7 +256,7 @@ def _ranking(content: Story) -> TableBlock | None:
             else []
         )
         left = [one for one in found if not all(finding.text in later for finding in one.members)]
-        for merged in left[:MAX_CANDIDATES]:
+        for merged in left[:LISTED]:
             first = merged.members[0]
             rows.append(
                 [

@@ -12,10 +12,8 @@ from flexviz.content.wording import estimate_words
 class LinkEncoders(Topic):
     """A comparison with what no fit has seen; empty without link encoders."""
 
-    name = "link encoders"
+    name = "link-encoders"
     title = "Link encoders"
-    place = 61
-    app = False  # stands below the parameters
 
     def blocks(self, result: ResultDocument) -> list[Block]:
         return link_side_blocks(result)

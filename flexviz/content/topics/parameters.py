@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from flexviz.analysis.identification import Identification
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content import blocks
-from flexviz.content.blocks import Cell, Paragraph, explanation, warning
+from flexviz.content.blocks import LISTED, Cell, Paragraph, explanation, warning
 from flexviz.content.records import Combination, CurveTable, ParameterEstimate
 from flexviz.content.results import ResultDocument
 from flexviz.content.topics.link_side import link_side_blocks
@@ -33,12 +33,9 @@ from flexviz.content.wording import (
 )
 from flexviz.robot.model import INERTIAL_NAMES
 
-MAX_TIES = 3  # listed per parameter
-MOST_PAIRS = 8  # of correlated parameters
-MAX_PLACES = 8  # columns of a table
+MAX_PLACES = 8  # columns of a table, names of a sentence
 LARGE = ((1e-6, "M", 1e7), (1e-3, "k", 1e4))  # factor, prefix, and from which value on
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-PANEL_TIES, MAX_NAMED = 4, 8  # ties of a parameter in the app; parameters in a sentence
 SHORT = "a value – is not determined by these data"
 
 
@@ -47,8 +44,6 @@ class Parameters(Topic):
 
     name = "parameters"
     title = "Parameters"
-    place = 60
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[blocks.Block]:
         if result.verdict is None:
@@ -135,7 +130,7 @@ def _symbols(parameters: Iterable[ParameterEstimate], truth: Truth | None) -> bl
         label = SYMBOLS.get(p.name, plain_name(p.name)) + (f", {p.payload}" if p.payload else "")
         name = Cell(label + (" ⚑" if p.at_bound else ""), tip=plain_name(p.name))
         grade = Cell(f"{MARKS.get(p.identifiable, '')} {p.identifiable}", tone=p.identifiable)
-        ties = ", ".join(map(_tied, p.tied_to[:PANEL_TIES])) + (" …" if len(p.tied_to) > PANEL_TIES else "")
+        ties = ", ".join(map(_tied, p.tied_to[:LISTED])) + (" …" if len(p.tied_to) > LISTED else "")
         start = number(None if p.start is None else factor * p.start, 3)
         rows.append([name, p.joint or "", start, Cell(value, strong=True), error, *real, unit, grade, ties])
     head = ["", "", "start", "value", "± 95 %", *(["truth"] if truth is not None else []), "unit", "id.", ""]
@@ -173,10 +168,10 @@ def check_blocks(result: Identification | None) -> list[blocks.Block]:
 
 
 def parameter_names(parameters: Sequence[ParameterEstimate]) -> str:
-    """The first `MAX_NAMED` names, "K joint1", and the number of others."""
-    first = parameters[:MAX_NAMED]
+    """The first `MAX_PLACES` names, "K joint1", and the number of others."""
+    first = parameters[:MAX_PLACES]
     names = [f"{SYMBOLS.get(p.name, plain_name(p.name))} {p.joint or ''}".strip() for p in first]
-    more = len(parameters) - MAX_NAMED
+    more = len(parameters) - MAX_PLACES
     return ", ".join(names) + (f" and {plural(more, 'other')}" if more > 0 else "")
 
 
@@ -264,7 +259,7 @@ def _ties(found: Sequence[ParameterEstimate], joints: Sequence[str]) -> str:
     """Which parameters are correlated; the same two parameters of several joints are named once."""
     pairs: dict[tuple[str, str], dict[str, None]] = {}
     for p in found:
-        for tie in p.tied_to[:MAX_TIES]:
+        for tie in p.tied_to[:LISTED]:
             name, _, joint = tie.partition(":")
             own, other = plain_name(p.name), plain_name(name)
             if joint == p.joint and joint in joints:
@@ -277,8 +272,8 @@ def _ties(found: Sequence[ParameterEstimate], joints: Sequence[str]) -> str:
         f"{one} and {two}" + (f" of {joints_text(list(of), joints)}" if of else "")
         for (one, two), of in pairs.items()
     ]
-    more = f"; {len(texts) - MOST_PAIRS} more" if len(texts) > MOST_PAIRS else ""
-    return f"Correlated, so that only a combination is known: {'; '.join(texts[:MOST_PAIRS])}{more}."
+    more = f"; {len(texts) - MAX_PLACES} more" if len(texts) > MAX_PLACES else ""
+    return f"Correlated, so that only a combination is known: {'; '.join(texts[:MAX_PLACES])}{more}."
 
 
 def tied(name: str) -> str:

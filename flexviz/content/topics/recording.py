@@ -12,8 +12,6 @@ class Contradictions(Topic):
     """Whether the recording is what it says; a report warns of it in its summary, the app in step Data."""
 
     name = "recording"
-    place = 93
-    app = False
 
     def blocks(self, result: ResultDocument) -> list[Block]:
         return [warning(f"recording: {entry.message}") for entry in result.recording]

@@ -36,8 +36,6 @@ class Reproduce(Topic):
 
     name = "reproduce"
     title = "To reproduce"
-    place = 99
-    app = False
 
     def section(self, story: Story) -> Section:
         parts = [

@@ -15,8 +15,6 @@ class FitRun(Topic):
     """Groups, observer, iterations; a report has them among what reproduces it."""
 
     name = "run"
-    place = 94
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         if result.verdict is not None:
@@ -39,8 +37,6 @@ class Assessment(Topic):
 
     name = "assessment"
     title = "What this is worth"
-    place = 96
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         said = assessment(result) if result.verdict is None else ""

@@ -9,6 +9,7 @@ from flexviz.analysis.diagnosis import Step
 from flexviz.content import wording
 from flexviz.content.blocks import (
     FIGURE_HEIGHT,
+    LISTED,
     Block,
     Figures,
     Items,
@@ -29,7 +30,6 @@ from flexviz.content.topics.verdict import fall, joints_of
 from flexviz.content.wording import error_in_torque, error_whole, explained, number, text_names
 
 MAX_MODELS = 7  # columns of a report's table
-SHOWN_ABSORBED = 4  # parameters
 ABOUT = (
     "Rms of the torque residual in per cent of the spread of the recorded torque, in one frequency band for "
     "all models; of all joints: the mean. The noise is what the sensors alone would leave, the same for all "
@@ -42,8 +42,6 @@ class Staircase(Topic):
 
     name = "staircase"
     title = "How the error fell"
-    place = 30
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         if not result.steps:
@@ -52,9 +50,7 @@ class Staircase(Topic):
         yield Items([f"model {k}: {name} → {step.verdict}" for k, (name, step) in enumerate(steps)])
         yield joint_table([step for _, step in steps], joints, result.torque_spread)
         if absorbed := wording.moved(step.added for step in result.steps if step.added is not None):
-            yield Paragraph(
-                f"before, this had been absorbed by {wording.absorbed_list(absorbed, SHOWN_ABSORBED)}"
-            )
+            yield Paragraph(f"before, this had been absorbed by {wording.absorbed_list(absorbed, LISTED)}")
 
     def section(self, story: Story) -> Section | None:
         steps = story.shown

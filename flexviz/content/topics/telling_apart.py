@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 from flexviz.analysis.diagnosis import Finding
 from flexviz.content import wording
-from flexviz.content.blocks import Block, Items, Paragraph, Section, section, table
+from flexviz.content.blocks import LISTED, Block, Items, Paragraph, Section, section, table
 from flexviz.content.records import ResidualLocation, Tie
 from flexviz.content.topics.story import Story
 from flexviz.content.topics.topic import Topic, register
 from flexviz.model.effects import EFFECTS
 
-MAX_LOCATIONS = 4  # of unexplained residual
 MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
 FOLLOW = {
     "position": "slow motion of {joint} over its whole range, in both directions",
@@ -31,8 +30,6 @@ class TellingApart(Topic):
 
     name = "next_experiments"
     title = "What could not be told apart, and what would decide"
-    place = 80
-    app = False
 
     def section(self, story: Story) -> Section | None:
         if story.diagnosis is None:
@@ -118,7 +115,7 @@ def _places(where: Sequence[ResidualLocation]) -> list[ResidualLocation]:
             best = first.get(place.joint)
             if best is None or place.explained > best.explained:
                 first[place.joint] = place
-    return list(first.values())[:MAX_LOCATIONS]
+    return list(first.values())[:LISTED]
 
 
 def _follow(place: ResidualLocation) -> str:

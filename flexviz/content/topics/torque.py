@@ -17,8 +17,6 @@ class Torque(Topic):
 
     name = "torque"
     title = "Measured and model torque"
-    place = 40
-    app = False
 
     def section(self, story: Story) -> Section | None:
         group, models = story.shown_group, story.compared

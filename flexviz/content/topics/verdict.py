@@ -26,8 +26,6 @@ class Verdict(Topic):
 
     name = "summary"
     title = "Summary"
-    place = 10
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         if result.verdict is not None:
@@ -47,8 +45,6 @@ class Notes(Topic):
     """What accompanies a verdict; a report's summary has it."""
 
     name = "notes"
-    place = 95
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         if result.verdict is None:

@@ -11,6 +11,7 @@ from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content import view
 from flexviz.content.blocks import (
+    LISTED,
     SMALL_HEIGHT,
     Block,
     Cell,
@@ -32,7 +33,6 @@ from flexviz.content.wording import error_short, share_text, short_names, span_t
 from flexviz.model.effects import free_curve
 from flexviz.robot.robot import Robot
 
-MAX_LOCATIONS = 6  # joint and variable, where the final model fails
 NOTABLE_SHARE = 0.01  # smallest share of the residual that is listed
 ABOUT = (
     "Share of each joint's residual that follows each variable, cross-validated over stretches of time, so "
@@ -46,11 +46,9 @@ class Where(Topic):
 
     name = "where"
     title = "Where the model fails"
-    place = 70
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
-        places = [place for place in result.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
+        places = [place for place in result.where if place.explained > NOTABLE_SHARE][:LISTED]
         if not places or result.final_verdict == "nothing-missing":
             return
         units = {(one.joint, one.variable): one.unit for one in result.maps}

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.content import wording
-from flexviz.content.blocks import Block, Cell, Paragraph, Section, section, table
+from flexviz.content.blocks import LISTED, Block, Cell, Paragraph, Section, section, table
 from flexviz.content.results import ResultDocument
 from flexviz.content.topics.story import Story
 from flexviz.content.topics.topic import Topic, register
 from flexviz.content.topics.verdict import joints_of
 
-REFUSED = 4  # refused moves in the table
 DECOYS = "candidates that cannot be right and compete in the same search, to estimate its false rate"
 CAPTION = "Moves of the search, and the best that it refused: decrease of its objective"
 
@@ -22,9 +21,6 @@ class Why(Topic):
 
     name = "why"
     title = wording.TRACE_TITLE
-    place = 55
-    printed = 25
-    app = False
 
     def blocks(self, result: ResultDocument) -> Iterator[Block]:
         return why_blocks(result, joints_of(result))
@@ -42,7 +38,7 @@ def why_blocks(
 ) -> Iterator[Block]:
     """A row per move; `families` are those of effects that earlier diagnoses added."""
     known = wording.added_families(result) | dict(families or {})
-    moves = wording.told_moves(result.trace, joints, known, refused=REFUSED)
+    moves = wording.told_moves(result.trace, joints, known, refused=LISTED)
     rows = [
         [
             Cell(move.text, strong=move.accepted),

@@ -24,8 +24,6 @@ COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common
 """Always listed; the others are in folded sections."""
 
 MAX_PICTURE_BYTES = 60_000
-REFUSED = 8  # refused moves in the table of the search
-DECREASE = "decrease of the objective [nats]"
 KINDS = {
     "motor": "Motor side",
     "sensing": "Recorded torque",
