@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from flexviz.analysis.diagnosis import Step
 from flexviz.content import wording
@@ -23,11 +24,12 @@ from flexviz.content.blocks import (
 from flexviz.content.charts import Chart
 from flexviz.content.records import JointErrors, StepEntry, stated_errors, total_rms
 from flexviz.content.results import ResultDocument, staircase_chart
+from flexviz.content.topics.errors import Column, error_table, further_columns
 from flexviz.content.topics.robot_picture import robot_picture
 from flexviz.content.topics.story import Story
 from flexviz.content.topics.topic import Topic, register
 from flexviz.content.topics.verdict import fall, joints_of
-from flexviz.content.wording import error_in_torque, error_whole, explained, number, text_names
+from flexviz.content.wording import error_in_torque, number, text_names
 
 MAX_MODELS = 7  # columns of a report's table
 ABOUT = (
@@ -88,21 +90,18 @@ def joint_table(
     At most the first and the last models, `most` together.
     """
     held_out, count = all(step.rms_validation for step in steps), len(steps[0].rms)
-    names = joints if len(joints) == count else [""] * count
-    shown = columns(len(steps), most or len(steps))
     rms = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
     errors = [JointErrors(one, spread, steps[-1].noise_floor, steps[-1].units) for one in rms]
-    last, mark = errors[-1], errors[-1].mark
+    last, shown = errors[-1], columns(len(steps), most or len(steps))
+    cells: dict[str, Column] = {f"model {k}": partial(_error, errors[k]) for k in shown}
+    cells |= {"last": partial(error_in_torque, last), **further_columns(steps[-1], last)}
+    caption = f"Rms residual of each joint [{last.unit}], {'held-out' if held_out else 'fitted'} groups"
+    names = joints if len(joints) == count else [""] * count
+    return error_table(names, cells, caption, last.relative and count > 1)
 
-    def row(name: str, j: int | None, share: str) -> list[str]:
-        noise = "–" if mark is None else error_whole(mark, j).replace("of the torque ", "")
-        return [name, *(number(errors[k].of(j), 3) for k in shown), share, error_in_torque(last, j), noise]
 
-    rows = [row(joint, j, explained(last.shares[j] / 100)) for j, joint in enumerate(names)]
-    rows += [row("mean", None, "")] if last.relative and count > 1 else []
-    head = ("joint", *(f"model {k}" for k in shown), "torque explained", "last", "noise")
-    what = "held-out groups" if held_out else "fitted groups"
-    return table(head, rows, range(1, len(head)), f"Rms residual of each joint [{last.unit}], {what}")
+def _error(errors: JointErrors, joint: int | None) -> str:
+    return number(errors.of(joint), 3)
 
 
 def _top(content: Story, steps: Sequence[Step]) -> list[Figures]:
