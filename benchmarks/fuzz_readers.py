@@ -25,16 +25,17 @@ from scipy.io import savemat
 
 from benchmarks.fuzz import Reader
 from flexviz.base.errors import FlexvizError
+from flexviz.content.rendering import panel
 from flexviz.content.results import read_result
 from flexviz.content.scene import robot_shape
 from flexviz.content.session import open_session, save_session
+from flexviz.content.topics import set_blocks
 from flexviz.data.importing import import_logs
 from flexviz.data.logs.formats import LogSource, ReadOptions, find_logs, open_run
 from flexviz.data.measurements import read_set
 from flexviz.outlets.app.sets import open_set
 from flexviz.outlets.app.uploads import UploadFolder, take
 from flexviz.outlets.recording import check_recording, read_recording, record_set
-from flexviz.outlets.view import set_html
 from flexviz.robot.robot import Robot
 from tests import import_data
 from tests.small_session import small_session
@@ -51,7 +52,7 @@ def read_session(folder: Path) -> None:
     for result in (opened.session.analysis.identification, opened.session.analysis.diagnosis):
         if result is not None:
             result.document().summary()
-    set_html(opened.measurements, opened.shape.missing)
+    panel(set_blocks(opened.measurements, opened.shape.missing))
 
 
 def read_robot(folder: Path) -> None:

@@ -24,10 +24,10 @@ from flexviz.analysis.diagnosis import Diagnosis, Finding, diagnose
 from flexviz.analysis.identification import identify
 from flexviz.base.arrays import Array
 from flexviz.content.charts.svg import draw_svg
+from flexviz.content.view import staircase_chart
 from flexviz.content.wording import estimate_words, finding_name, listed, short_names, values_text
 from flexviz.data.importing import import_logs
 from flexviz.data.measurements import MeasurementSet, read_set
-from flexviz.outlets.view import staircase_chart
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PAGE, PICTURES = RESULTS / "public-recordings.md", RESULTS / "images" / "robots"

@@ -14,15 +14,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+from flexviz.outlets.report.blocks import Figures
+
 from benchmarks.command import command
 from benchmarks.effect_pages.pages import LAWS
 from flexviz.analysis.laws import LawThroughData
 from flexviz.content.charts import Chart
 from flexviz.content.charts.svg import FILE, draw_svg
+from flexviz.content.view import law_chart
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.report import ReportDocument, Section, html
-from flexviz.outlets.report.blocks import Figures
-from flexviz.outlets.view import law_chart
 from tests.analysis.test_laws import OTHER, last_law, simulated
 
 HEIGHT = 190  # [px] of a chart

@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flexviz.base.facts import Fact
+from flexviz.base.pages import Shown
 
 __version__ = "0.1.0"
 STARTED = time.monotonic()  # [s]
@@ -135,7 +136,12 @@ def _in_words(fact: Fact) -> str:
     return import_module("flexviz.content.wording").fact_text(fact)
 
 
+def _in_blocks(result: Any) -> Any:
+    return import_module("flexviz.content.topics").blocks_of(result)
+
+
 Fact.words = _in_words  # facts know no words, which stand above them
+Shown.blocks = _in_blocks  # nor do results know what is said of them
 
 
 def __dir__() -> list[str]:

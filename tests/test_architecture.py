@@ -28,17 +28,18 @@ LONGEST_FUNCTION = 60  # [lines]
 LAYERS = (
     {
         "base": "_scipy arrays errors facts fields files fourier iteration jobs limits names nonnegative"
-        " parallel progress recent resources schemas search spelling statistics toml units"
+        " pages parallel progress recent resources schemas search spelling statistics toml units"
     },
     {"robot": "_pinocchio model mounting robot robot_files urdf_checks urdf_inertias urdf_joints urdf_units"},
     {"model": "effects"},  # a set names those of its model
-    {"content": "charts records wording"},  # results are made as records, some with sentences and curves
+    # results are made as records, some with sentences and curves
+    {"content": "blocks charts records rendering wording"},
     {"data": "logs measurements noise"},
     {"checks": ""},
     {"model": "compensation equation observers servo simulation", "content": "results"},
     {"analysis": "acceptance designing diagnosis estimation identification laws motion servo"},
-    {"data": "importing", "content": "comparing scene session"},  # an import identifies a delay
-    {"outlets": "app batch doctor exporting recording report terminal view workflows"},
+    {"data": "importing", "content": "comparing scene session topics view"},  # an import identifies a delay
+    {"outlets": "app batch doctor exporting recording report terminal workflows"},
 )
 RANK = {
     f"{room}/{name}".rstrip("/"): rank

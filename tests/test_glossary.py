@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from flexviz.content import blocks
+from flexviz.content.rendering import html
 from flexviz.content.wording import GLOSSARY, with_terms
-from flexviz.outlets.report import blocks
-from flexviz.outlets.report.html import html
 
 MARK = re.compile(r'<abbr class="fv-term"( tabindex="0")? title="([^"]*)">(.*?)</abbr>')
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -164,7 +164,7 @@ def test_command_passes_fails_and_refuses(
     call = ["verify", str(folder), "--require", str(written(tmp_path, ALL_MET)), "--json", str(out)]
     assert main(call) == 0
     shown, document = capsys.readouterr().out, json.loads(out.read_text())
-    assert "Accepted: 7 of 7 requirements are met." in shown and "It does not prove:" in shown
+    assert "Accepted: 7 of 7 requirements are met." in shown and "This does not prove:" in shown
     assert document["passed"] and len(document["lines"]) == 7 and document["scope"]["held_out"]
 
     written(tmp_path, "[default]\nheld_out_percent = 1")
@@ -173,7 +173,7 @@ def test_command_passes_fails_and_refuses(
     monkeypatch.setattr("flexviz.analysis.diagnosis.diagnose", None)  # a saved result needs no diagnosis
     assert main([*call, "--result", str(saved)]) == 1
     shown = capsys.readouterr().out
-    assert "FAIL joint1 held-out error 1.05 % of the torque (21.0 mNm) at most 1 % of the torque" in " ".join(
+    assert "fail joint1 held-out error 1.05 % of the torque (21.0 mNm) at most 1 % of the torque" in " ".join(
         shown.split()
     )
     assert "Not accepted: 1 of 2 requirements are met." in shown and not json.loads(out.read_text())["passed"]

@@ -142,6 +142,6 @@ def test_a_diagnosis_gives_the_hints_of_an_identification():
     low = [parameter("motor_inertia", joint, 1e-3, 1.0) for joint in ("a", "b")]
     found = document([1.0, 1.0], [1.0, 1.0], parameters=low, verdict="unknown")
     assert "joint torque sensor" in hints(found.all_parameters)[0]
-    assert "note: The motor inertias end at their lower bound" in found.summary()
+    assert "The motor inertias end at their lower bound" in found.summary()
     assert not hints(document([1.0, 1.0], [1.0, 1.0], parameters=[*low[:1], parameter("motor_inertia", "b")])
                      .all_parameters)  # fmt: skip

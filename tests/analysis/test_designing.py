@@ -16,8 +16,7 @@ from flexviz.analysis.designing.information import information
 from flexviz.analysis.designing.subject import subject_of
 from flexviz.base.errors import InputError
 from flexviz.content.records import CandidateEffect, Tie
-from flexviz.content.results.diagnosis_summary import candidate_lines
-from flexviz.content.wording import merged_findings
+from flexviz.content.results import ResultDocument
 from flexviz.model.simulation import Fourier, follow, make_plan, simulate_run
 from flexviz.outlets.terminal import main
 
@@ -210,7 +209,7 @@ def test_wrong_arguments_are_named(call: Callable[[], Design], words: str) -> No
 
 
 def test_a_tie_in_the_summary_names_the_command() -> None:
-    (merged,) = merged_findings([ENTRY])
-    line = list(candidate_lines(1, merged, ("joint2",)))[-1]
+    found = ResultDocument(format=1, set="s", verdict="missing", candidates=(ENTRY,))
+    line = found.summary().splitlines()[-1]
     options = "--separate coulomb_friction:joint2 --separate link_coulomb_friction:joint2"
     assert line.strip() == f"the motion that would decide: flexviz design SET {options} --out DIR"

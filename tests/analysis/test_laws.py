@@ -12,10 +12,10 @@ from flexviz.analysis.laws import VARIABLES, LawThroughData, laws_of, variable_o
 from flexviz.analysis.laws.bins import binned, tukey
 from flexviz.analysis.laws.variables import path_after
 from flexviz.content.charts import COLOURS
+from flexviz.content.view import law_chart, law_charts
 from flexviz.data.measurements import MeasurementSet, read_set
 from flexviz.model.effects import EFFECTS
 from flexviz.model.simulation import make_plan, simulate_plan, write_plan
-from flexviz.outlets.view import law_chart, law_charts
 from tests.cases import with_slow
 from tests.planar_arm import TWO, of_groups
 

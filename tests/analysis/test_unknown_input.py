@@ -19,6 +19,8 @@ from flexviz.analysis.diagnosis.unknown_input import UnknownInputFit, unknown_pl
 from flexviz.analysis.diagnosis.vibration import vibration
 from flexviz.analysis.estimation import SIDES, Side, UnknownInput
 from flexviz.base.statistics import NORMAL_95
+from flexviz.content.rendering import panel
+from flexviz.content.topics import verdict_panel
 from flexviz.content.wording import verdict_text
 from flexviz.data.measurements import MeasurementSet, read_set
 from flexviz.model.effects import ChosenEffect, JointState
@@ -26,7 +28,6 @@ from flexviz.model.equation import Equation, Layout, build_signals
 from flexviz.model.observers import FlatZeroPhase
 from flexviz.model.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
 from flexviz.outlets.recording.texts import diagnosis_text
-from flexviz.outlets.view import verdict_html
 from flexviz.robot.robot import Robot
 from tests.cases import slow
 from tests.model.test_equation import made_up_set, point
@@ -143,7 +144,12 @@ def test_a_shaken_link_is_said_to_be_shaken(tmp_path: Path) -> None:
     assert (
         found.model is not None and abs(found.model.stiffness[0] - value) > 4 * half
     )  # of the fit without it
-    for text in (verdict_text(found), found.summary(), verdict_html(found), diagnosis_text(found)):
+    for text in (
+        verdict_text(found),
+        found.summary(),
+        panel(verdict_panel(found, True)),
+        diagnosis_text(found),
+    ):
         assert text.count(place.text) == 1
 
 

@@ -12,12 +12,13 @@ from flexviz.analysis.diagnosis import Diagnosis, diagnose
 from flexviz.analysis.diagnosis.fine import Fine
 from flexviz.analysis.diagnosis.fit_context import FitContext
 from flexviz.analysis.diagnosis.varying_size import ChangingSize, changing_size
+from flexviz.content.rendering import panel
+from flexviz.content.topics import verdict_panel
 from flexviz.content.wording import verdict_text
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.model.equation import Layout
 from flexviz.outlets.recording.texts import diagnosis_text
-from flexviz.outlets.view import verdict_html
 
 FRICTION = ChosenEffect("coulomb_friction", 1)
 FRICTION_NAMED = ("coulomb_friction", "joint2", None, None)
@@ -71,7 +72,7 @@ def test_a_size_that_changes_is_the_verdict(grown: Diagnosis) -> None:
     size = ChangingSize(FRICTION_NAMED, EFFECTS["coulomb_friction"].parameters[0], "time", 1.8, 4.2)
     told, said = replace(grown, verdict="unknown", notes=(size.fact,)), size.fact.text
     assert verdict_text(told) == f"Unknown: {said}."
-    for text in (told.summary(), verdict_html(told), diagnosis_text(told)):
+    for text in (told.summary(), panel(verdict_panel(told, True)), diagnosis_text(told)):
         assert text.count(said[1:]) == 1  # once, not as verdict and as note
     assert verdict_text(told, ["it"]).endswith(f"not all of the error is explained: {said}.")
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from flexviz.content.rendering import text
 from flexviz.content.results import ResultDocument
-from flexviz.content.results.summary import text
 from flexviz.content.wording import number, short_names
 
 VENDOR = tuple(f"AR5-5_07R-W4C4A2_joint_{k}" for k in range(1, 8))
@@ -60,16 +60,16 @@ def document(joints: tuple[str, ...], steps: int = 4) -> ResultDocument:
 def test_no_cell_of_a_diagnosis_is_cut_off(names: str, width: int) -> None:
     joints = NAMES[names]
     whole = document(joints)
-    said = text(whole, width)
+    said = text(whole.blocks(), width)
     lines = said.splitlines()
-    table = lines[next(i for i, line in enumerate(lines) if "error of the held-out" in line) :]
+    table = lines[next(i for i, line in enumerate(lines) if "Rms residual of each joint" in line) :]
     assert "…" not in "\n".join(table)
     assert max(len(line) for line in table if "→" not in line and "note" not in line) <= width
     words = "\n".join(table).split()
     for j in range(len(joints)):
         assert any(w in words for w in error_texts(whole, j)), (error_texts(whole, j), said)
     assert said.count("missing") >= 4 and any("mean" in line for line in table) == (len(joints) > 1)
-    assert words.count("0.0123") + words.count("0.012") >= len(joints)  # the noise of each
+    assert "\n".join(table).count("(12.3 mNm)") >= len(joints)  # the noise of each
 
 
 def error_texts(whole: ResultDocument, joint: int) -> tuple[str, ...]:
@@ -86,9 +86,9 @@ def test_no_cell_of_an_identification_is_cut_off(names: str, width: int) -> None
     plain = {
         k: v for k, v in document(joints).to_dict().items() if k not in ("verdict", "steps", "candidates")
     }
-    said = text(ResultDocument.from_dict(plain), width)
+    said = text(ResultDocument.from_dict(plain).blocks(), width)
     assert "…" not in said and said.count("12.345") == len(joints)
-    assert said.count("10.00") == 3 * len(joints) and said.count("motor_viscous_friction") >= len(joints)
+    assert said.count("10.0 Nm") == 3 * len(joints) and said.count("motor_viscous_friction") >= len(joints)
 
 
 def test_short_names_keep_a_letter_and_stay_different() -> None:

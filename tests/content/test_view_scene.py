@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from flexviz.content.charts import palette as colours
+from flexviz.content.rendering import panel
 from flexviz.content.scene import FIELD_OF_VIEW, VIEWS, Box, Screen, robot_shape, scene_layout
 from flexviz.content.scene.shape import MAX_FACES, thinned_mesh
 from flexviz.content.scene.stage import LABEL_HEIGHT
+from flexviz.content.topics import set_blocks
 from flexviz.content.wording import escape
 from flexviz.data.measurements import read_set
-from flexviz.outlets.view.tables import set_html
 from flexviz.robot.robot import Robot
 from tests.small_set import write_small_set
 
@@ -51,8 +52,10 @@ def test_a_link_whose_mesh_is_not_there_is_drawn_as_a_stick_and_that_is_said(tmp
     assert {body.joint for body in shape.bodies} >= {0, 1} and len(shape.missing) == 1
     assert 'mesh "package://gone/arm.stl" not found' in shape.missing[0]
     measurements = read_set(write_small_set(tmp_path / "small"))
-    assert "sticks" in set_html(measurements, shape.missing) and "sticks" not in set_html(measurements)
-    assert "(and 1 other)" in set_html(measurements, shape.missing * 2)
+    assert "sticks" in panel(set_blocks(measurements, shape.missing)) and "sticks" not in panel(
+        set_blocks(measurements)
+    )
+    assert "(and 1 other)" in panel(set_blocks(measurements, shape.missing * 2))
 
 
 @pytest.mark.parametrize("source", ["robots:planar_2r", "example-robot-data:panda", "example-robot-data:ur5"])

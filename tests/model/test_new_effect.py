@@ -18,6 +18,7 @@ from benchmarks.effect_pages.pages import page
 from benchmarks.effect_pages.pictures import PICTURES, VELOCITY, Curve, Picture, draw, sweep, velocity
 from flexviz.analysis.diagnosis import diagnose
 from flexviz.analysis.identification import identify
+from flexviz.content.view import addable_effects, more_effects
 from flexviz.data.measurements import read_set
 from flexviz.model.effects import EFFECT_NAMES, EFFECTS, EffectTarget, LawEffect
 from flexviz.model.effects.registry import library
@@ -28,7 +29,6 @@ from flexviz.model.simulation.laws import MotorLaw
 from flexviz.outlets.exporting import FORMATS, LeftOut, coverage
 from flexviz.outlets.exporting.coverage import REGISTRIES
 from flexviz.outlets.terminal import main
-from flexviz.outlets.view import addable_effects, more_effects
 from tests import made_up_effect
 from tests.planar_arm import HELD_OUT, planar_set
 

@@ -10,6 +10,9 @@ import pytest
 
 from flexviz.analysis.identification import ObservedResidual
 from flexviz.base.errors import InputError
+from flexviz.content.view import pole_at, poles_html, residuals_html
+from flexviz.content.view.poles import place_of
+from flexviz.content.view.tuning import pair, score
 from flexviz.model.observers import (
     EsoGains,
     binomial_gains,
@@ -20,9 +23,6 @@ from flexviz.model.observers import (
     multipliers_of_poles,
     why_unusable,
 )
-from flexviz.outlets.view import pole_at, poles_html, residuals_html
-from flexviz.outlets.view.poles import place_of
-from flexviz.outlets.view.tuning import pair, score
 
 W = 40.0
 SIX = np.full(6, -W, complex)

@@ -18,6 +18,7 @@ from flexviz.base.errors import InputError
 from flexviz.base.jobs import JobEvent, Task, Worker
 from flexviz.base.progress import ProgressCallback, StopCallback
 from flexviz.content.session import Session, open_session, save_session
+from flexviz.content.view.effects import addable_effects, more_effects
 from flexviz.data.measurements import read_set
 from flexviz.model.effects import (
     EFFECT_NAMES,
@@ -31,7 +32,6 @@ from flexviz.model.equation import Layout
 from flexviz.model.simulation import replay, simulate_preset, simulated_effects
 from flexviz.model.simulation.effect_laws import LAWS
 from flexviz.outlets.terminal import main
-from flexviz.outlets.view.effects import addable_effects, more_effects
 from flexviz.robot.model import EffectValue
 from tests.planar_arm import HELD_OUT, planar_set
 

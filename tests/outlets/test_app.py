@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from flexviz.base.resources import sessions_dir
+from flexviz.content.view import COMMON_EFFECTS
+from flexviz.content.view.fit_charts import SWEEP_COUNT
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.app import DEMO
 from flexviz.outlets.app.application import Application
@@ -20,8 +22,6 @@ from flexviz.outlets.app.steps.identify import IdentifyStep
 from flexviz.outlets.app.steps.observer import ObserverStep
 from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.tasks import Identify, Sweep
-from flexviz.outlets.view import COMMON_EFFECTS
-from flexviz.outlets.view.fit_charts import SWEEP_COUNT
 from tests.app_running import (
     act,
     chart,

@@ -19,6 +19,9 @@ from flexviz.analysis.identification import identify
 from flexviz.base.resources import sessions_dir
 from flexviz.content.records import FreeCurve
 from flexviz.content.session import identified_errors, open_session, save_session
+from flexviz.content.topics import gather
+from flexviz.content.topics.verdict import numbers
+from flexviz.content.view import model_curve_charts, staircase_charts
 from flexviz.content.wording import number
 from flexviz.outlets.app import DEMO
 from flexviz.outlets.app.application import Application, first_step
@@ -28,9 +31,6 @@ from flexviz.outlets.app.steps.deciding import DECIDE, DOWNLOAD
 from flexviz.outlets.app.steps.diagnose import DiagnoseStep
 from flexviz.outlets.app.tasks import JudgeErrors, open_fitted
 from flexviz.outlets.report import session_report
-from flexviz.outlets.report.content import gather
-from flexviz.outlets.report.sections.summary import numbers
-from flexviz.outlets.view import model_curve_charts, staircase_charts
 from tests.app_running import reopen, running, send, status, until, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET, TIED_DIAGNOSIS
 

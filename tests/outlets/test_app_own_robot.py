@@ -9,10 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+from flexviz.content.rendering import panel
+from flexviz.content.topics import set_blocks
 from flexviz.data.measurements import read_set
 from flexviz.outlets.app.application import Application
 from flexviz.outlets.app.steps.own_robot import OwnRobot
-from flexviz.outlets.view import set_html
 from flexviz.robot.robot import Robot
 from tests.app_running import act, command, control, running, send, status, until, upload, use, wait
 from tests.import_data import truth, write_robot
@@ -114,7 +115,7 @@ def test_a_robot_under_a_ceiling_is_opened_as_it_hangs(app: Application) -> None
     turned = robot.link_poses(np.array([0.5, 0.0]))["link2"][:3, 3]
     upright = small_robot().link_poses(np.array([0.5, 0.0]))["link2"][:3, 3]
     np.testing.assert_allclose(turned, upright * [1.0, -1.0, -1.0], atol=1e-12)
-    assert "under a ceiling, gravity = [0, 0, 9.81] m/s²" in set_html(app.store.measurements)
+    assert "under a ceiling, gravity = [0, 0, 9.81] m/s²" in panel(set_blocks(app.store.measurements))
     command(app, "Read the data again")
 
 

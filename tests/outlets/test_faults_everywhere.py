@@ -13,10 +13,11 @@ from shared_data import FAULTS
 
 from flexviz import diagnose, identify
 from flexviz.checks import issues_of_set
+from flexviz.content.rendering import panel
+from flexviz.content.topics import set_blocks
 from flexviz.content.wording import issue_text
 from flexviz.data.measurements import read_set
 from flexviz.outlets.app.sets import cached_set
-from flexviz.outlets.view import set_html
 
 SETS = ("joint-columns-swapped", "tau-columns-swapped")
 
@@ -40,7 +41,7 @@ def test_every_outlet_states_the_same(name: str, tmp_path: Path) -> None:
     assert [entry.message for entry in found.recording] == wanted
     assert [one["message"] for one in found.to_dict()["recording"]] == wanted  # JSON
     assert all(text in " ".join(found.summary().split()) for text in wanted)
-    page = unescape(set_html(cached_set(folder)))  # the app
+    page = unescape(panel(set_blocks(cached_set(folder))))  # the app
     assert all(text in page for text in wanted)
     report = tmp_path / "r.md"
     said = [flexviz("identify", "--quick", str(folder)), flexviz("report", str(folder), "--out", str(report))]

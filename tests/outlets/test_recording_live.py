@@ -87,7 +87,7 @@ def test_everything_as_it_comes(small: Any, tmp_path: Path) -> None:
     simulated = content.line(f"/results/1/groups/{first}/simulated/theta/joint1")[1]
     measured = measurements.groups[0].segments[0].theta
     np.testing.assert_array_equal(simulated, measured[:: -(-len(measured) // 100), 0] + 0.1)
-    assert content.text("/diagnoses/1/verdict").startswith("# Missing: Coulomb friction on joint2")
+    assert content.text("/diagnoses/1/verdict").startswith("> **Missing: Coulomb friction on joint2")
     assert "a word about it" in content.text("/log") and "again" in content.text("/about")
     evidence = DIAGNOSIS.findings[0].evidence
     assert evidence is not None

@@ -15,14 +15,13 @@ import pytest
 
 from flexviz.base.errors import InputError
 from flexviz.content.records import EffectParameter, GroupError, Note
+from flexviz.content.rendering import html, markdown
 from flexviz.content.session import Session
+from flexviz.content.topics import gather
+from flexviz.content.topics.verdict import sentence
 from flexviz.content.wording import number
 from flexviz.data.measurements import MeasurementSet, read_set
 from flexviz.outlets.report import diagnosed_session, session_report
-from flexviz.outlets.report.content import gather
-from flexviz.outlets.report.html import html
-from flexviz.outlets.report.markdown import markdown
-from flexviz.outlets.report.sections.summary import sentence
 from flexviz.outlets.report.writing import compose
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
 from tests.small_session import small_session
@@ -134,7 +133,7 @@ def test_tables_hold_the_numbers(found: Both) -> None:
     for row in (
         f"| g3 | validate | {first[2]} | {last[2]} |",
         f"| joint2 | {first[1]} | {last[1]} |",
-        f"| 31.0 mNm | {noise[1]} % (20.0 mNm) |",
+        f"| {noise[1]} % (20.0 mNm) |",
         "| stiffness \\[Nm/rad\\] | 1987.3 ± 4.1 ● | 1987.3 ± 4.1 ● |",
         "| link viscous friction \\[Nm s/rad\\] | ○ | ○ |",  # its interval is wider than its value
         "| motor viscous friction \\[Nm s/rad\\] | 1.10 ± 0.78 ◐ | 1.10 ± 0.78 ◐ |",

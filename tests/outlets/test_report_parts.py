@@ -17,9 +17,9 @@ from flexviz.content.charts import Chart, ChartAxis, ChartSeries, Ribbon
 from flexviz.content.charts.svg import draw_svg, log_ticks, stretches, ticks
 from flexviz.content.records import EffectParameter
 from flexviz.content.session import Session, diagnosed_models, is_session, open_session, save_session
+from flexviz.content.topics.staircase import columns
 from flexviz.data.measurements import read_set
 from flexviz.outlets.report import diagnosed_session, session_report
-from flexviz.outlets.report.sections.errors import columns
 from flexviz.outlets.terminal import main
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, GUARD, OFFSET, TIED_DIAGNOSIS
 from tests.small_session import small_session
@@ -90,7 +90,7 @@ def test_a_long_legend_takes_more_rows_and_long_names_are_cut() -> None:
 
 
 def test_a_table_has_room_for_the_first_and_the_last_models() -> None:
-    assert columns(3) == [0, 1, 2] and columns(20) == [0, 14, 15, 16, 17, 18, 19]
+    assert columns(3, 7) == [0, 1, 2] and columns(20, 7) == [0, 14, 15, 16, 17, 18, 19]
 
 
 # -- the command ---------------------------------------------------------------------------------------------

@@ -13,17 +13,8 @@ import pyarrow.parquet as papq
 import pytest
 
 from flexviz.base.errors import InputError
-from flexviz.outlets.batch import (
-    ClusterChoice,
-    StudyPlan,
-    StudyRun,
-    detected,
-    detection_limit,
-    run_study,
-    spreads,
-    working,
-)
-from flexviz.outlets.batch.study_page import study_page
+from flexviz.outlets.batch import ClusterChoice, StudyPlan, StudyRun, run_study, working
+from flexviz.outlets.batch.study_page import detected, detection_limit, spreads, study_page
 from flexviz.outlets.batch.study_plan import study_tasks
 from flexviz.outlets.terminal import main
 from tests.small_set import write_small_set

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,12 @@ from flexviz.content.charts import Chart, ChartAxis
 from flexviz.content.records import JointErrors
 from flexviz.content.scene import RobotMotion
 from flexviz.content.session import Session, save_session
+from flexviz.content.view import joints_html
 from flexviz.content.wording import error_whole, sliding_note
 from flexviz.data.measurements import read_set
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.recording.paths import TITLES, titled
 from flexviz.outlets.terminal import main
-from flexviz.outlets.view import joints_html
 from tests.data.test_import_prismatic import LIFT
 from tests.small_set import LINK
 
@@ -70,7 +71,11 @@ def test_units_in_terminal_json_and_truth(lift: Path, capsys: pytest.CaptureFixt
         for joint, unit in zip(("lift", "arm"), row, strict=True):
             line = next(words for words in rows if words[:2] == [name, joint])
             assert f" {unit} " in f"{' '.join(line)} ", line
-    assert "fit [N, Nm]" in told and any(words[:1] == ["lift"] and words[-1] == "N" for words in rows)
+    errors = told.partition("Rms residual")[2].splitlines()
+    for joint, unit in (("lift", "N"), ("arm", "Nm")):
+        assert re.search(
+            rf"^ {joint} .*\([\d.]+ m?{unit}\)", next(row for row in errors if f" {joint} " in row)
+        )
 
 
 def test_units_in_the_report_and_in_exports(lift: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from flexviz.analysis.diagnosis import DIRECTED, Diagnosis, Evidence, Finding, PredictionErrors, Step
 from flexviz.analysis.diagnosis.residuals import UNITS
+from flexviz.content.blocks import Paragraph, TableBlock
 from flexviz.content.records import (
     Absorbed,
     EffectParameter,
@@ -23,32 +24,26 @@ from flexviz.content.records import (
     ResidualMap,
     Tie,
 )
+from flexviz.content.rendering import panel
 from flexviz.content.results import evidence_chart
 from flexviz.content.session import Analysis, ModelStep
-from flexviz.content.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
-from flexviz.model.effects import EFFECTS
-from flexviz.outlets.app.uplot import columns
-from flexviz.outlets.view.effects import (
-    card_html,
-    finding_html,
-    heading_html,
-    picture,
-    trace_html,
-    verdict_html,
-)
-from flexviz.outlets.view.free_curves import free_chart, free_html
-from flexviz.outlets.view.residual_time import BeforeAfter, time_residual
-from flexviz.outlets.view.residuals import (
+from flexviz.content.topics import finding_panel, heading, map_panel, verdict_panel, why_blocks
+from flexviz.content.view.effects import card_html, picture
+from flexviz.content.view.free_curves import free_chart, free_html
+from flexviz.content.view.residual_time import BeforeAfter, time_residual
+from flexviz.content.view.residuals import (
     MAP_COLUMNS,
     ResidualSamples,
     map_charts,
-    map_html,
     map_of,
     range_html,
     stretches_of,
 )
-from flexviz.outlets.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
-from flexviz.outlets.view.status import next_step, steps_done
+from flexviz.content.view.staircase import NO_STEPS, StaircaseRun, staircase_charts, staircase_html
+from flexviz.content.view.status import next_step, steps_done
+from flexviz.content.wording import MergedFinding, effect_text_name, share_text, values_text, verdict_text
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.app.uplot import columns
 from tests.found import TIED, TIED_DIAGNOSIS
 
 JOINTS = ("joint1", "joint2")
@@ -97,24 +92,27 @@ def test_the_verdict_begins_as_agreed() -> None:
     assert split.endswith("mostly on joint1; of the residual of joint2, 31 % follows the velocity.")
 
 
+def verdict_of(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
+    return panel(verdict_panel(diagnosis, up_to_date, JOINTS))
+
+
 def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
-    assert "tries every known effect" in verdict_html(None)
-    old = verdict_html(replace(DIAGNOSIS, stopped=True), up_to_date=False)
+    assert "tries every known effect" in verdict_of(None)
+    old = verdict_of(replace(DIAGNOSIS, stopped=True), up_to_date=False)
     assert "<s>Missing: Coulomb friction on joint2." in old and "look again" in old
     assert "Stopped before the end" not in old  # nothing else is said of another model
-    assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
+    assert "Stopped before the end" in verdict_of(replace(DIAGNOSIS, stopped=True))
     low = tuple(ParameterEstimate("motor_inertia", joint, 1e-3, 1.0, "kg m²", "no", 1.0) for joint in JOINTS)
-    assert "joint torque sensor" in verdict_html(replace(DIAGNOSIS, parameters=low))
-    assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=(Note("other", "<b>"),)))
+    assert "joint torque sensor" in verdict_of(replace(DIAGNOSIS, parameters=low))
+    assert "&lt;b&gt;" in verdict_of(replace(DIAGNOSIS, notes=(Note("other", "<b>"),)))
     notes = (
         Note("unexplained", "what stays is small"),
         Note("free-curve", "a free curve against the position would take 3 %"),
     )
     told = replace(DIAGNOSIS, verdict="unknown", notes=notes)
-    assert "A free curve" in verdict_html(told) and "What stays is small." in verdict_html(told)
-    assert "A free curve" not in verdict_html(replace(told, free_curve=free_curve([[1.0, 2.0]])))
-    assert heading_html(told) and heading_html(DIAGNOSIS) == heading_html(None) == ""
-    assert heading_html(replace(told, findings=())) == ""
+    assert "A free curve" in verdict_of(told) and "What stays is small." in verdict_of(told)
+    assert "A free curve" not in verdict_of(replace(told, free_curve=free_curve([[1.0, 2.0]])))
+    assert heading(told) and heading(DIAGNOSIS) == heading(None) == heading(replace(told, findings=())) == []
 
 
 @pytest.mark.parametrize("share, text", [(0.0, "< 1 %"), (0.5, "50 %"), (0.999, "> 99 %"), (1.0, "> 99 %")])
@@ -127,19 +125,19 @@ def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
     tilt = {"tilt_x": EffectParameter(-1e-9, 30.0, "rad"), "tilt_y": EffectParameter(0.02, 1e-4, "rad")}
     turned = replace(FINDING, effect="base_tilt", joint=None, parameters=tilt)
     assert values_text(turned) == "tilt x not determined, tilt y 20.00 ± 0.20 mrad"  # bounds: ± 0.6
-    text = finding_html(MergedFinding((FINDING,)), 1, full=True)
+    text = panel(finding_panel(MergedFinding((FINDING,)), 1, full=True))
     for part in ("1. Coulomb friction on joint2", "98 %", "62 %", "twice as heavy", "12.00 → 10.10 Nm s/rad"):
         assert part in text, part
     bare = replace(FINDING, inseparable_from=(), absorbed=(), parameters={}, evidence=None)
-    assert "fv-warn" not in finding_html(MergedFinding((bare,)), 2, full=True)
+    assert "fv-warn" not in panel(finding_panel(MergedFinding((bare,)), 2, full=True))
 
 
 def test_a_card_names_the_family_and_its_kinds() -> None:
-    text = finding_html(MergedFinding((TIED,), 0.98), 1, full=True)
+    text = panel(finding_panel(MergedFinding((TIED,), 0.98), 1, full=True))
     assert "1. Dry friction on joint2; these data do not tell which kind" in text
     assert "confidence 97 %, removes 98 % of the error" in text and "fv-likely" in text
     assert "The model uses the simplest, Coulomb friction." in text
-    assert "Alike" not in finding_html(MergedFinding((FINDING,)), 1, full=True)
+    assert "Alike" not in panel(finding_panel(MergedFinding((FINDING,)), 1, full=True))
 
 
 @pytest.mark.parametrize(
@@ -269,9 +267,9 @@ def test_the_maps_are_the_diagnosis_own() -> None:
     assert set(MAP_COLUMNS) == set(UNITS)
     maps = [residual_map("joint2", name, 0.1) for name in UNITS if name != DIRECTED]
     maps.append(residual_map("joint2", DIRECTED, 0.4, ("forward", "backward")))
-    text = map_html(maps, ("joint1", "joint2"), 1)
+    text = panel(map_panel(maps, ("joint1", "joint2"), 1))
     assert text.count("<td style") == len(MAP_COLUMNS) and text.count("<td>–</td>") == len(MAP_COLUMNS)
-    assert "<b>joint2</b>" in text and "40.0 ± 2.0 %" in text and map_html((), ("joint1",)) == ""
+    assert "<b>joint2</b>" in text and "40.0 ± 2.0 %" in text and map_panel((), ("joint1",)) == []
     assert text.count("/ 0.10)") == len(MAP_COLUMNS) - 1 and "/ 0.40)" in text  # faint where little lies
     assert map_of(maps, "joint1", "load") is None
     charts = {chart.key: chart for chart in map_charts(maps, "joint2")}
@@ -328,12 +326,14 @@ def test_what_to_do_next(tmp_path: Any) -> None:
     assert "Compare" in next_step(done, "Diagnose", False).text
 
 
-def test_what_was_tried_is_a_folded_table() -> None:
-    text = trace_html(TIED_DIAGNOSIS, JOINTS)
-    assert "<details" in text and "<summary>Why these effects: what was tried</summary>" in text
-    assert "<td>✓ Dry friction on joint2 added</td><td>400 ± 12</td><td></td>" in text
-    assert "<td>– Torque offset on joint1 not added</td><td>1.5 ± 1.0</td><td>within its error</td>" in text
-    assert "Of 40 decoys none was accepted." in text
+def test_what_was_tried_is_a_table() -> None:
+    moves, decoys = why_blocks(TIED_DIAGNOSIS, JOINTS)
+    assert isinstance(moves, TableBlock) and isinstance(decoys, Paragraph)
+    assert [[cell.text for cell in row] for row in moves.rows][:2] == [
+        ["Dry friction on joint2 added", "400 ± 12", "coarse", "accepted"],
+        ["Torque offset on joint1 not added", "1.5 ± 1.0", "fine", "within its error"],
+    ]
+    assert decoys.text.startswith("Of 40 decoys none was accepted")
     harmful = replace(TIED_DIAGNOSIS.trace[1], why="<b>")
-    assert "<b>" not in trace_html(replace(TIED_DIAGNOSIS, trace=(harmful,), decoys=None), JOINTS)
-    assert trace_html(None) == trace_html(DIAGNOSIS, JOINTS) == ""
+    assert "<b><b>" not in panel(why_blocks(replace(TIED_DIAGNOSIS, trace=(harmful,), decoys=None), JOINTS))
+    assert list(why_blocks(DIAGNOSIS, JOINTS)) == []

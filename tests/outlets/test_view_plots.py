@@ -29,13 +29,13 @@ from flexviz.content.charts import (
 from flexviz.content.charts.chart import MAX_POINTS, TIME, finite, thin, time_chart
 from flexviz.content.records import JointErrors
 from flexviz.content.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
+from flexviz.content.view import BeforeAfter, numbers_html, shape_charts, signals_charts, states_charts
+from flexviz.content.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
+from flexviz.content.view.time_charts import observer_for, stretch
 from flexviz.content.wording import number
 from flexviz.data.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.model.observers import OBSERVERS, make_observer
 from flexviz.outlets.app.uplot import _scales, columns, nearest
-from flexviz.outlets.view import BeforeAfter, numbers_html, shape_charts, signals_charts, states_charts
-from flexviz.outlets.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
-from flexviz.outlets.view.time_charts import observer_for, stretch
 from tests.small_set import write_small_set
 
 

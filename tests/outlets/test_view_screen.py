@@ -12,13 +12,12 @@ import pytest
 
 from flexviz.base.facts import Fact
 from flexviz.content.charts import palette as colours
+from flexviz.content.rendering import panel
 from flexviz.content.results import LinkSide
 from flexviz.content.scene import RobotMotion
 from flexviz.content.session import Analysis
-from flexviz.content.wording import number, plain_name, short_names
-from flexviz.content.wording.numbers import with_error
-from flexviz.data.measurements import read_set
-from flexviz.outlets.view import (
+from flexviz.content.topics import parameter_panel, set_blocks
+from flexviz.content.view import (
     joint_effects,
     joints_html,
     joints_with,
@@ -26,9 +25,12 @@ from flexviz.outlets.view import (
     link_colours,
     matrix_html,
     status,
+    truth_values,
     with_joints,
 )
-from flexviz.outlets.view.tables import parameters_html, set_html, truth_html, truth_values
+from flexviz.content.wording import number, plain_name, short_names
+from flexviz.content.wording.numbers import with_error
+from flexviz.data.measurements import read_set
 from tests.small_set import write_small_set
 
 
@@ -102,6 +104,10 @@ class Result:
     link_side: tuple[LinkSide, ...] = ()
 
 
+def parameters_of(*given: Any) -> str:
+    return panel(parameter_panel(*given))
+
+
 def test_parameter_table_says_everything_and_escapes() -> None:
     evil = '<img src=x onerror="alert(1)">'
     result: Any = Result(
@@ -114,7 +120,7 @@ def test_parameter_table_says_everything_and_escapes() -> None:
             Parameter("base_tilt.tilt_x", None),
         )
     )
-    text = parameters_html(result)
+    text = parameters_of(result)
     assert "<img" not in text and "&lt;img" in text
     for part in (
         "<b>1.0000</b></td><td>0.0010</td><td>kNm/rad",
@@ -123,13 +129,13 @@ def test_parameter_table_says_everything_and_escapes() -> None:
         "all joints",
         "Inertial parameters (1)",
         "⚑",
-        "Refine removes the observer's bias",
+        "Refine removes the observer&#x27;s bias",
     ):
         assert part in text
-    assert "truth" not in text and "Refine" not in parameters_html(replace(result, refined=True))
-    shown = parameters_html(result, {("stiffness", evil): 1001.5})
+    assert "truth" not in text and "Refine" not in parameters_of(replace(result, refined=True))
+    shown = parameters_of(result, {("stiffness", evil): 1001.5})
     assert "truth" in shown and ">1.002<" in shown
-    assert "after Run" in parameters_html(None)
+    assert "after Run" in parameters_of(None)
 
 
 def test_link_encoder_stands_below_the_stiffness() -> None:
@@ -144,10 +150,9 @@ def test_link_encoder_stands_below_the_stiffness() -> None:
         agrees=False,
     )
     result: Any = Result((Parameter("stiffness", "j", 1e6, 1e5),), link_side=(entry,))
-    shown = parameters_html(result)
-    assert "link encoder: 10.0 (8.00 … 12.0) MNm/rad, do not trust the motor side" in shown
-    assert "fv-warn" in shown
-    agreeing = parameters_html(replace(result, link_side=(replace(entry, agrees=True),)))
+    shown = parameters_of(result)
+    assert "10.0 (8.00 … 12.0) MNm/rad, do not trust the motor side</b>" in shown
+    agreeing = parameters_of(replace(result, link_side=(replace(entry, agrees=True),)))
     assert "link encoder" in agreeing and "do not trust" not in agreeing
 
 
@@ -170,13 +175,15 @@ def test_truth_values_from_a_simulation() -> None:
 
 def test_set_summary(tmp_path: Path) -> None:
     measurements = read_set(write_small_set(tmp_path / "small"))
-    text = set_html(measurements)
+    text = panel(set_blocks(measurements))
     for part in ("2 joints", "3 groups", "500 Hz", "coulomb friction", "given: replayed"):
         assert part in text
-    assert "simulated" not in text and "simulated data" in set_html(replace(measurements, simulated=True))
-    assert "<b>x</b>" not in set_html(
-        replace(measurements, warnings=(Fact("x", values={"text": "<b>x</b>"}),))
+    assert (
+        "simulated" not in text
+        and "simulated data" in panel(set_blocks(replace(measurements, simulated=True))).lower()
     )
+    warned = replace(measurements, warnings=(Fact("x", values={"text": "<b>x</b>"}),))
+    assert "<b>x</b>" not in panel(set_blocks(warned))
 
 
 def test_status_names_step_and_error() -> None:
@@ -304,9 +311,9 @@ def test_joints_are_named_shortly_where_that_is_clear() -> None:
 def test_truth_is_told_only_when_asked_for() -> None:
     truth: dict[tuple[str, str | None], float]
     truth = {("stiffness", "j1"): 900.0, ("coulomb_friction.coulomb", "j1"): 3.0}
-    assert truth_html(None) == ""
-    assert "coulomb friction of j1 3" in truth_html(truth)
-    assert "no effect was hidden" in truth_html({("stiffness", "j1"): 900.0})
+    assert "Truth" not in parameters_of(None)
+    assert "coulomb friction of j1 3" in parameters_of(None, truth)
+    assert "no effect was hidden" in parameters_of(None, {("stiffness", "j1"): 900.0})
 
 
 def test_effects_joint_by_joint() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz.analysis.diagnosis import BestModel
-from flexviz.outlets.view import alone_html, search_charts, worst_joint_so_far
+from flexviz.content.view import alone_html, search_charts, worst_joint_so_far
 
 JOINTS = ("arm_joint1", "arm_joint2", "arm_joint3")
 TIME = np.linspace(0.0, 2.0, 50, dtype=np.float32)

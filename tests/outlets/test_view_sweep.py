@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 
 from flexviz.analysis.identification import SweepResult
-from flexviz.model.effects import EFFECTS
-from flexviz.outlets.app.uplot import columns
-from flexviz.outlets.view.effects import (
+from flexviz.content.view.effects import (
     COMMON_EFFECTS,
     addable_effects,
     effects_note,
     more_effects,
     why_fixed,
 )
-from flexviz.outlets.view.fit_charts import (
+from flexviz.content.view.fit_charts import (
     MIN_STIFFNESS_SPAN,
     SWEEP_COUNT,
     rounded,
@@ -27,6 +25,8 @@ from flexviz.outlets.view.fit_charts import (
     sweep_charts,
     sweep_html,
 )
+from flexviz.model.effects import EFFECTS
+from flexviz.outlets.app.uplot import columns
 
 
 def result(order: list[int] | None = None) -> SweepResult:

@@ -13,6 +13,7 @@ from independent.cases import draw
 
 from flexviz.analysis.identification import identify
 from flexviz.base.errors import InputError
+from flexviz.content.view import remedy_text
 from flexviz.content.wording import mounting_text
 from flexviz.data.importing import import_logs, inspect_logs, read_mapping
 from flexviz.data.measurements import MeasurementSet, read_set
@@ -20,7 +21,6 @@ from flexviz.model.effects.base_tilt import BaseTilt
 from flexviz.model.simulation import Plan, make_plan, tilted_gravity
 from flexviz.outlets.terminal import main
 from flexviz.outlets.terminal.design import mounted as mounted_plan
-from flexviz.outlets.view import remedy_text
 from flexviz.robot.mounting import DIRECTIONS, GRAVITY, checked_gravity, upright
 from flexviz.robot.robot import Robot
 from tests.cases import slow

@@ -9,11 +9,10 @@ from flexviz.content.comparing.comparison import (
     effects_of,
 )
 from flexviz.content.comparing.friction import ComparedFriction, SpeedRange, compare_friction
-from flexviz.content.comparing.tables import ComparisonTable, facts, numbers, remarks
+from flexviz.content.comparing.tables import comparison_blocks, facts, numbers, remarks
 
 __all__ = [
     "ComparedFriction",
-    "ComparisonTable",
     "KnownResults",
     "ParameterRow",
     "ResultComparison",
@@ -21,6 +20,7 @@ __all__ = [
     "SpeedRange",
     "compare",
     "compare_friction",
+    "comparison_blocks",
     "effects_of",
     "facts",
     "numbers",

@@ -1,26 +1,17 @@
-"""A comparison as tables of text, for terminal and Markdown."""
+"""A comparison in blocks: tables, and what limits them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+from flexviz.content.blocks import Block, Paragraph, TableBlock, table
 from flexviz.content.comparing.comparison import MARKED, ResultComparison, ResultSummary
 from flexviz.content.records import JointErrors
 from flexviz.content.wording import error_whole, interval_words
 from flexviz.robot.model import INERTIAL_NAMES
 
 
-@dataclass(frozen=True)
-class ComparisonTable:
-    """Titles of the columns, rows of as many cells, and which columns are numbers, aligned right."""
-
-    head: tuple[str, ...]
-    rows: list[list[str]]
-    numbers: range = range(0)
-
-
-def facts(found: ResultComparison) -> ComparisonTable:
+def facts(found: ResultComparison) -> TableBlock:
     """Set, effects and verdict, one column per result."""
     rows = {
         "measurement set": [one.set_name for one in found.results],
@@ -30,9 +21,8 @@ def facts(found: ResultComparison) -> ComparisonTable:
         "fitted groups": [", ".join(one.groups) or "–" for one in found.results],
         "values from": [_source(one) for one in found.results],
     }
-    return ComparisonTable(
-        ("", *(one.name for one in found.results)), [[title, *cells] for title, cells in rows.items()]
-    )
+    head = ("", *(one.name for one in found.results))
+    return table(head, [[title, *cells] for title, cells in rows.items()], fold=range(len(head)))
 
 
 def _source(one: ResultSummary) -> str:
@@ -42,7 +32,7 @@ def _source(one: ResultSummary) -> str:
     return f"identification, {one.observer} {one.tuning}" + (", refined" if one.refined else "")
 
 
-def numbers(found: ResultComparison, inertial: bool = False) -> ComparisonTable:
+def numbers(found: ResultComparison, inertial: bool = False) -> TableBlock:
     """Errors of each joint, and parameters with 95 % intervals and the difference of first and last.
 
     `inertial`: also the single inertial parameters of links, which are seldom identifiable.
@@ -58,7 +48,7 @@ def numbers(found: ResultComparison, inertial: bool = False) -> ComparisonTable:
             apart = f"{row.deviations:.1f}" if math.isfinite(row.deviations) else "–"
             rows.append([row.name, row.place, *cells, apart + (" !" if row.differs else ""), row.unit])
     head = ("", "joint", *(one.name for one in found.results), "difference / std", "unit")
-    return ComparisonTable(head, rows, range(2, len(head) - 1))
+    return table(head, rows, range(2, len(head) - 1), fold=(0, 1, len(head) - 1))
 
 
 def _error(one: ResultSummary, key: str, joint: str) -> str:
@@ -89,3 +79,8 @@ def remarks(found: ResultComparison) -> list[str]:
             "for the same data even smaller differences are significant."
         )
     return out
+
+
+def comparison_blocks(found: ResultComparison, inertial: bool = False) -> list[Block]:
+    """All of a comparison."""
+    return [facts(found), numbers(found, inertial), *map(Paragraph, remarks(found))]

@@ -18,12 +18,9 @@ from flexviz.content.results.frame import DataFrame, parameter_frame
 from flexviz.content.results.law_chart import law_chart, law_difference
 from flexviz.content.results.link_side import LinkSide
 from flexviz.content.results.lookup import ParameterNotFound, find_parameter
-from flexviz.content.results.summary import WIDE, markdown, parts, run_lines
-from flexviz.content.results.tables import in_ascii, interval, plain_table
 
 __all__ = [
     "SUFFIXES",
-    "WIDE",
     "BandwidthCheck",
     "DataFrame",
     "DiagnosisFields",
@@ -40,19 +37,13 @@ __all__ = [
     "evidence_chart",
     "find_parameter",
     "hints",
-    "in_ascii",
-    "interval",
     "json_schema",
     "lacks_effects",
     "law_chart",
     "law_difference",
-    "markdown",
     "note_entries",
     "parameter_frame",
-    "parts",
-    "plain_table",
     "read_result",
-    "run_lines",
     "shared_fields",
     "staircase_chart",
     "torque_side",

@@ -17,18 +17,19 @@ from pydantic import ValidationError
 
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
+from flexviz.base.pages import Shown
 from flexviz.base.schemas import input_error
 from flexviz.content.records import NOTE_KINDS, Note, ParameterEstimate, curve_tables
+from flexviz.content.rendering import html_fragment, text
 from flexviz.content.results.fields import EveryResult, ResultFields
 from flexviz.content.results.frame import DataFrame, parameter_frame
 from flexviz.content.results.lookup import find_parameter
-from flexviz.content.results.summary import html, text
 
 LARGEST_BYTES = 50_000_000
 SUFFIXES = (".json", ".yaml", ".yml")
 
 
-class ResultDocument(ResultFields, frozen=True):
+class ResultDocument(ResultFields, Shown, frozen=True):
     """A result: of an identification, a diagnosis or an export.
 
     A diagnosis has `verdict`, `candidates`, `where`, `steps` and `model`; an identification has `parameters`
@@ -41,10 +42,10 @@ class ResultDocument(ResultFields, frozen=True):
 
     def summary(self, width: int = 140) -> str:
         """The result as text: tables and sentences, `width` columns wide."""
-        return text(self, width)
+        return text(self.blocks(), width)
 
     def _repr_html_(self) -> str:
-        return html(self)
+        return html_fragment(self.blocks())
 
     def to_frame(self) -> DataFrame:
         """The parameters as a table of pandas; MissingPackage if that is not installed."""

@@ -7,7 +7,15 @@ from collections.abc import Iterable, Sequence
 
 from flexviz.base.spelling import listed, number, plural
 from flexviz.base.statistics import NORMAL_95
-from flexviz.content.records import Absorbed, CandidateEffect, EffectParameter, Family, FoundEffect, Tie
+from flexviz.content.records import (
+    Absorbed,
+    CandidateEffect,
+    EffectEntry,
+    EffectParameter,
+    Family,
+    FoundEffect,
+    Tie,
+)
 from flexviz.content.wording.estimates import NOT_DETERMINED, determined
 from flexviz.content.wording.numbers import measured, plain_name, si_scale, unit_text
 from flexviz.model.effects import EFFECTS, free_curve
@@ -116,7 +124,7 @@ def share_text(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def values_text(finding: CandidateEffect) -> str:
+def values_text(finding: CandidateEffect | EffectEntry) -> str:
     """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals; of a free curve its range and its extremes."""
     if free_curve(finding.effect) is not None:
         return curve_text(list(finding.parameters.values()))

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.base.errors import FlexvizError, one_line
 from flexviz.base.jobs import LoadModules
+from flexviz.content.view import next_step
 from flexviz.outlets.app.display import Display
 from flexviz.outlets.app.dock import Dock
 from flexviz.outlets.app.events import EventQueue, TaskRunner
@@ -30,7 +31,6 @@ from flexviz.outlets.app.tab_turns import TabTurns
 from flexviz.outlets.app.tasks import WARM
 from flexviz.outlets.app.time_left import TimeLeft
 from flexviz.outlets.batch import FleetRow
-from flexviz.outlets.view import next_step
 
 TICK = 0.1  # [s] update interval of playheads, time slider and live plots
 UNWATCHED_TICK = 1.0  # [s] the same while no page is shown; events are processed at once all the same

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.content.session import standing
+from flexviz.content.view import next_step, stated_error, status_html, step_line_html, steps_done
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import CTRL, SHIFT, Page, off
 from flexviz.outlets.app.state import Changed, Turn
@@ -12,7 +13,6 @@ from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import next_button, next_option, no_label, pressed, style
 from flexviz.outlets.app.viser_private import id_of
-from flexviz.outlets.view import next_step, stated_error, status_html, step_line_html, steps_done
 
 LEFT_WIDTH = 330  # [pixels]
 

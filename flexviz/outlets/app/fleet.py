@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.base.errors import InputError
+from flexviz.content.rendering import panel
 from flexviz.content.wording import escape
 from flexviz.data.measurements import FILE_NAME
 from flexviz.outlets.app.explained import ExplainedHtml
@@ -17,7 +18,7 @@ from flexviz.outlets.app.uplot import ChartColumn
 from flexviz.outlets.app.viser_private import TAB
 from flexviz.outlets.batch import (
     FleetRow,
-    about_html,
+    about_set,
     drift_text,
     fleet_html,
     histories,
@@ -68,7 +69,7 @@ class FleetTab:
         path = self._store.measurements.path
         same = [i for i, one in enumerate(self._rows) if Path(one.path) == path]
         self._table.content = fleet_html(self._rows, index, same[0] if same else None)
-        self._about.content = about_html(row, self._apart, index)
+        self._about.content = panel(about_set(row, self._apart, index))
         self._known = {parameter_words(one.parameter): one for one in self._lines if one.robot == row.robot}
         before = self._parameter.value
         self._parameter.options = tuple(self._known) or ("–",)

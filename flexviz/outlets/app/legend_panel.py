@@ -5,12 +5,7 @@ from __future__ import annotations
 from flexviz.analysis.diagnosis import PredictionErrors
 from flexviz.analysis.diagnosis import Step as DiagnosisStep
 from flexviz.content.session import standing
-from flexviz.content.wording import finding_title
-from flexviz.outlets.app.explained import ExplainedHtml
-from flexviz.outlets.app.page import Page
-from flexviz.outlets.app.state import Changed, Turn
-from flexviz.outlets.app.store import Store
-from flexviz.outlets.view import (
+from flexviz.content.view import (
     OF_EARLIER,
     LinkColours,
     joints_html,
@@ -19,6 +14,11 @@ from flexviz.outlets.view import (
     model_name,
     name_with_error,
 )
+from flexviz.content.wording import finding_title
+from flexviz.outlets.app.explained import ExplainedHtml
+from flexviz.outlets.app.page import Page
+from flexviz.outlets.app.state import Changed, Turn
+from flexviz.outlets.app.store import Store
 
 WIDTH = 310  # [pixels]
 

@@ -11,10 +11,10 @@ import json
 from pathlib import Path
 
 from flexviz.content.charts import TIME
+from flexviz.content.view import BEFORE, RESIDUAL
 from flexviz.content.wording import escape
 from flexviz.outlets.app import layout
 from flexviz.outlets.app.uploads import LARGEST_UPLOAD
-from flexviz.outlets.view import BEFORE, RESIDUAL
 
 TRANSPORT_LABEL, SCREEN_LABEL, PICTURE_LABEL = "Playback command", "Canvas", "Plot to save"  # hidden texts
 POLE_LABEL = "Pole moved"

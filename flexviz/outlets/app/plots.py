@@ -9,11 +9,13 @@ from typing import Any
 
 from flexviz.analysis.identification import Identification
 from flexviz.base.errors import InputError
+from flexviz.content import view
 from flexviz.content.charts import PICTURE, Chart, chart_name, charts_zip, draw_svg
 from flexviz.content.records import stated_errors
+from flexviz.content.rendering import panel
 from flexviz.content.session import runs, standing
+from flexviz.content.topics import map_panel
 from flexviz.model.observers import EsoGains
-from flexviz.outlets import view
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.fleet import FleetTab
 from flexviz.outlets.app.page import Page, put
@@ -243,7 +245,7 @@ class ResidualTab:
         result, joint = store.analysis.identification, store.joint
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
             self._samples, self._of = view.ResidualSamples.of(result, joint), (result, joint)
-        self._map.content = view.map_html(store.maps, store.measurements.joints, joint)
+        self._map.content = panel(map_panel(store.maps, store.measurements.joints, joint))
         self._groups.content = view.groups_html(store.errors, joint, name, store.measurements.torque_spread)
         self._variable.visible = self._samples is not None
         residual = view.time_residual(before_after(store), joint, name, store.group.name, store.span)

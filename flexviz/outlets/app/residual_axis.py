@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from flexviz.content.session import first_fit, fit_before
+from flexviz.content.view import BEFORE, BeforeAfter
 from flexviz.outlets.app.legend_panel import model_names
 from flexviz.outlets.app.page import Page, put
 from flexviz.outlets.app.state import Changed
 from flexviz.outlets.app.store import Store
-from flexviz.outlets.view import BEFORE, BeforeAfter
 
 ZOOM = "Zoom to present"
 HINT = "off: on the axis of the session's first model, together with the residual before in grey"

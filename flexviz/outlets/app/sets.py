@@ -11,9 +11,9 @@ from flexviz.base.resources import sessions_dir
 from flexviz.checks import with_plausibility_warnings
 from flexviz.content.scene import robot_shape
 from flexviz.content.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
+from flexviz.content.view import truth_values
 from flexviz.data.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.outlets.app.state import Opened
-from flexviz.outlets.view import truth_values
 
 
 def open_set(path: Path) -> Opened:

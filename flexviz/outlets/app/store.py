@@ -21,6 +21,7 @@ from flexviz.base.progress import Progress, ProgressCallback
 from flexviz.content.records import ResidualMap
 from flexviz.content.scene import RobotMotion, nice_factor
 from flexviz.content.session import Analysis, ModelStep, Session, model_chain
+from flexviz.content.view import progress_text, shown_errors, worst_joint
 from flexviz.data.measurements import MeasurementSet, require_unchanged
 from flexviz.outlets.app.events import TaskRunner
 from flexviz.outlets.app.playback import PlaybackClock, part_of
@@ -41,7 +42,6 @@ from flexviz.outlets.app.state import (
     ViewSettings,
 )
 from flexviz.outlets.app.tasks import IdleTask, SetTask
-from flexviz.outlets.view import progress_text, shown_errors, worst_joint
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 

@@ -56,7 +56,7 @@ CSS = """
 .fv-tuned { min-height: 6.25em; /* four lines: what is dragged stays when the text grows */ }
 .fv-next { padding-top: 0; }
 .fv-wrong { font-size: 17px; line-height: 1.35; padding-bottom: 0.5em; font-weight: 600; }
-.fv-verdict { margin: 0.1em 0.75em 0.5em; padding: 0.45em 0.6em; border-radius: 4px; font-weight: 600;
+.fv-verdict { margin: 0.1em 0 0.5em; padding: 0.45em 0.6em; border-radius: 4px; font-weight: 600;
   border: 1px solid #999; border-left-width: 4px; }
 .fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }
 .fv-verdict.nothing-missing { border-color: #009E73; }
@@ -77,7 +77,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-stair i { position: absolute; top: 0; bottom: 3px; border-left: 2px dotted var(--fv-text); }
 .held { background: #009E73; } .fit { background: #0072B2; }
 .fv-stair-key span { display: inline-block; width: 1.6em; height: 0.7em; margin-left: 0.5em; }
-.fv-likely .fv-bar span { background: #0072B2; }
+.fv-bar.fv-likely span { background: #0072B2; }
 .fv-card summary { color: #0072B2; } @dark .fv-card summary { color: #56B4E9; }
 .fv-card p { margin: 0.4em 0; } .fv-card svg { max-width: 100%; height: auto; }
 .fv-equation { font-size: 12.5px; margin: 0.3em 0; padding: 0.4em 0.6em; border-radius: 3px;

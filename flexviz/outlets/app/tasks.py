@@ -31,11 +31,11 @@ from flexviz.content.session import (
     Session,
     diagnosed_models,
 )
+from flexviz.content.view import solver_stages
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.simulation import Run, replay
 from flexviz.outlets.app.sets import cached_set, chosen_set, open_set
 from flexviz.outlets.app.state import Opened, SearchNews
-from flexviz.outlets.view import solver_stages
 from flexviz.robot.model import FlexibleModel
 
 Bandwidth = float | tuple[float, ...]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexviz.content.blocks import Block, Paragraph, warning
 from flexviz.content.wording import escape, number, percent, plural
 from flexviz.outlets.batch.fleet import Outlier
 from flexviz.outlets.batch.page import counted_verdicts, found_text, verdict_words
@@ -45,21 +46,18 @@ def _whole(name: str) -> str:
     return f'<span style="white-space: nowrap">{name}</span>' if len(name) <= LONGEST_NAME else name
 
 
-def about_html(row: FleetRow, apart: Sequence[Outlier], index: int) -> str:
+def about_set(row: FleetRow, apart: Sequence[Outlier], index: int) -> list[Block]:
     """What the batch found about one set."""
-    lines = [f"<b>{escape(row.set)}</b> ({escape(row.robot)}): {escape(verdict_words(row))}"]
+    out: list[Block] = [Paragraph(f"{row.set} ({row.robot}): {verdict_words(row)}", strong=True)]
     if row.state == FAILED:
-        lines.append(f'<span class="fv-warn">{escape(row.error)}</span>')
+        out.append(warning(row.error))
     if row.state == DONE and row.residual_before is not None and row.residual is not None:
-        errors = f"error {row.error_text_before}"
         after = f", {row.error_text} with {found_text(row)}" if row.found else ""
-        lines.append(escape(errors + after))
+        out.append(Paragraph(f"error {row.error_text_before}{after}"))
     if row.date_from == "file":
-        lines.append("The set states no date: * is that of its files.")
-    lines += [
-        f"{escape(parameter_words(one.parameter))} stands out: {number(one.value)}, median of {one.of}: "
-        f"{number(one.median)} {escape(one.unit)}"
-        for one in apart
-        if one.row == index
-    ]
-    return f'<div class="fv">{"".join(f"<div>{line}</div>" for line in lines)}</div>'
+        out.append(Paragraph("The set states no date: * is that of its files."))
+    for one in apart:
+        if one.row == index:
+            value = f"{number(one.value)}, median of {one.of}: {number(one.median)} {one.unit}"
+            out.append(Paragraph(f"{parameter_words(one.parameter)} stands out: {value}"))
+    return out

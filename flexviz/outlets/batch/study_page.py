@@ -102,21 +102,24 @@ def detection_limit(counts: Sequence[tuple[float, int, int]]) -> float | None:
 def study_page(plan: StudyPlan, runs: Sequence[StudyRun], when: datetime) -> str:
     """The page as HTML text."""
     shown = when.strftime("%Y-%m-%d %H:%M")
+    title = f"Study: {plan.kind.replace('-', ' ')} of {Path(plan.source).name}"
+    footer, subtitle = f"Written by flexviz {__version__} on {shown}.", f"{plural(len(runs), 'run')}; {shown}"
+    return html(ReportDocument(title, subtitle, [], study_sections(plan, runs), footer))
+
+
+def study_sections(plan: StudyPlan, runs: Sequence[StudyRun]) -> list[Section]:
+    """What the runs say together, and why some failed."""
     done = [run for run in runs if run.result is not None]
     failed = Counter(run.error for run in runs if run.error)
-    tiles = Tiles(
-        [Tile("runs", str(len(runs)), f"{len(done)} done, {sum(failed.values())} failed or not done")]
-    )
-    sections = [section("Summary", tiles)]
+    tile = Tile("runs", str(len(runs)), f"{len(done)} done, {sum(failed.values())} failed or not done")
+    sections = [section("Summary", Tiles([tile]))]
     if failed:
         body = [[error, str(count)] for error, count in failed.most_common(20)]
         sections.append(section("Failed or not done", table(("error", "runs"), body, numbers=(1,))))
     if done:
         evaluated = {"bandwidth": _bandwidth, "detection": _detection}.get(plan.kind, _spread)
         sections.append(evaluated(plan, done))
-    title = f"Study: {plan.kind.replace('-', ' ')} of {Path(plan.source).name}"
-    footer = f"Written by flexviz {__version__} on {shown}."
-    return html(ReportDocument(title, f"{plural(len(runs), 'run')}; {shown}", [], sections, footer))
+    return sections
 
 
 def _spread(plan: StudyPlan, runs: Sequence[StudyRun]) -> Section:
@@ -150,10 +153,12 @@ def _bandwidth(plan: StudyPlan, runs: Sequence[StudyRun]) -> Section:
     least = float(w[int(np.nanargmin(error))])
     series = (ChartSeries("error", COLOURS.residual, w, error, points=True),)
     text = f"Least at {least:g} rad/s. A least error says little about the parameters of a causal observer."
+    rows = [[number(at, 4), number(value, 3)] for at, value in zip(w, error, strict=True)]
     charts: list[Block] = [
+        table(("bandwidth [rad/s]", "error [% of the torque]"), rows, (0, 1)),
         Chart(
             "error", "Error against bandwidth", x, ChartAxis("of the torque", "%"), series, description=text
-        )
+        ),
     ]
     for name in [n for n in runs[0].parameters if n.partition(":")[0] in ("stiffness", "motor_inertia")]:
         entries = [run.parameters.get(name, (math.nan, None, "", "")) for run in runs]

@@ -14,11 +14,11 @@ from flexviz.analysis.identification import FitSettings, identify
 from flexviz.base.files import temporary_folder
 from flexviz.base.limits import read_json
 from flexviz.content.records import mean_nrms
+from flexviz.content.view import truth_values
 from flexviz.data.measurements import Group, MeasurementSet, Segment, read_set
 from flexviz.model.simulation import Plan, Run, make_plan, move, record, simulate_plan, write_plan
 from flexviz.outlets.batch.analysis import known_set
 from flexviz.outlets.batch.tasks import Json
-from flexviz.outlets.view import truth_values
 from flexviz.robot.model import INERTIAL_NAMES
 
 MARGIN = 1.0  # [s] beside a block of a bootstrap, for the ends that an observer needs

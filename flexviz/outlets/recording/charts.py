@@ -11,12 +11,12 @@ from flexviz.analysis.diagnosis import Finding, Step
 from flexviz.analysis.laws import LawThroughData
 from flexviz.content.charts import COLOURS, Chart
 from flexviz.content.records import ResidualMap
+from flexviz.content.view import MAP_COLUMNS, law_chart, map_charts, map_of
 from flexviz.content.wording import effect_text_name, finding_name
 from flexviz.outlets.recording.paths import TIME, path
 from flexviz.outlets.recording.pictures import charts_picture, map_picture
 from flexviz.outlets.recording.signals import send_line
 from flexviz.outlets.recording.stream import Stream
-from flexviz.outlets.view import MAP_COLUMNS, law_chart, map_charts, map_of
 
 MAX_EVIDENCE = 3  # findings whose evidence is sent
 LAW_HEIGHT = 200  # [px]

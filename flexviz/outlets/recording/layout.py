@@ -17,6 +17,7 @@ from rerun.blueprint.components import AbsoluteTimeRange
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.base.arrays import Array
 from flexviz.content.charts import COLOURS, rgb
+from flexviz.content.view import offered_curve
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.model.observers import Observer
 from flexviz.outlets.recording.charts import MAX_EVIDENCE
@@ -25,7 +26,6 @@ from flexviz.outlets.recording.paths import ABOUT, ITERATION, LOG, TIME, TITLES,
 from flexviz.outlets.recording.scene import Stage
 from flexviz.outlets.recording.signals import state_names
 from flexviz.outlets.recording.texts import group_title
-from flexviz.outlets.view import offered_curve
 
 MAX_RESULT_TABS = 6  # of the newest results' texts
 NANOSECONDS = 1_000_000_000  # per second

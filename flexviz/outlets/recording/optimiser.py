@@ -12,10 +12,10 @@ from flexviz.analysis.identification import Identification
 from flexviz.base.iteration import Iteration
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.charts import rgb
+from flexviz.content.view import falling_cost
 from flexviz.outlets.recording.paths import ITERATION, TIME, estimate_path, parameter_path, path
 from flexviz.outlets.recording.signals import send_line, series_colour
 from flexviz.outlets.recording.stream import Stream
-from flexviz.outlets.view import falling_cost
 
 RELATIVE_LIMIT = 10.0  # ratios of a parameter to its last value are clipped here
 

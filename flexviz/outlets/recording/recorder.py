@@ -16,6 +16,7 @@ from flexviz.analysis.identification import Identification
 from flexviz.base.iteration import Iteration
 from flexviz.content.records import ResidualMap
 from flexviz.content.scene import RobotMotion, with_replay
+from flexviz.content.view import free_chart, staircase_chart
 from flexviz.content.wording import as_markdown, verdict_text
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.model.observers import Observer
@@ -36,7 +37,6 @@ from flexviz.outlets.recording.reading import Recorded
 from flexviz.outlets.recording.scene import RobotScene
 from flexviz.outlets.recording.signals import stride_for
 from flexviz.outlets.recording.stream import Stream
-from flexviz.outlets.view import free_chart, staircase_chart
 
 MAX_SAMPLES = 10_000  # per signal and group
 ITERATIONS_INTERVAL = 2.0  # [s] between two batches of iterations: sending them slows the solver

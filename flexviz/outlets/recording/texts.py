@@ -8,45 +8,22 @@ import numpy as np
 
 from flexviz.analysis.diagnosis import Diagnosis
 from flexviz.analysis.identification import Identification
+from flexviz.content.blocks import Callout, Items, Paragraph, table
 from flexviz.content.records import JointErrors
-from flexviz.content.results import markdown
+from flexviz.content.rendering import markdown_fragment
 from flexviz.content.scene import RobotMotion
-from flexviz.content.wording import (
-    as_markdown,
-    effect_text_name,
-    error_whole,
-    markdown_table,
-    mounting_text,
-    share_text,
-    span_text,
-    verdict_text,
-)
+from flexviz.content.topics import SIMULATED, set_rows
+from flexviz.content.wording import as_markdown, effect_text_name, error_whole, verdict_text
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.outlets.recording.optimiser import Solve
-
-SIMULATED = "**Simulated data**: a simulator wrote this measurement set, no robot was recorded."
-MAX_LOCATIONS = 6  # joint and variable, where the final model fails
-NOTABLE_SHARE = 0.01  # smallest share of the residual that is listed
 
 
 def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses: Sequence[Diagnosis]) -> str:
     """The set, every finished result with its error, the last verdict."""
-    lines = [f"# {as_markdown(measurements.name)}", ""]
-    if measurements.simulated:
-        lines += [SIMULATED, ""]
-    lines += [
-        f"- robot: {as_markdown(measurements.robot.name)}, {measurements.n} joints",
-        *([f"- mounting: {mounted}"] if (mounted := mounting_text(measurements.robot.gravity)) else []),
-        f"- groups: {', '.join(as_markdown(group_title(group)) for group in measurements.groups)}",
-        "- 3D: both robots by their motor angles θ; the identified one is simulated",
-        "",
-    ]
-    if diagnoses:
-        lines += [f"**{as_markdown(verdict_text(diagnoses[-1]))}**", ""]
     rows = [
         [
             str(solve.number),
-            as_markdown(solve.label or "the set's own model"),
+            solve.label or "the set's own model",
             f"{result.observer_name}, {result.observer_entry.tuning}",
             _told(result.residual.rms, result),
             _told(result.residual.rms_validation, result),
@@ -54,10 +31,16 @@ def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses:
         for solve in solves
         if (result := solve.result) is not None
     ]
-    if not rows:
-        return "\n".join([*lines, "Nothing is identified yet."])
-    header = ["", "model", "observer", "error, fitted groups", "error, held-out groups"]
-    return "\n".join([*lines, *markdown_table(header, rows)])
+    head = ("", "model", "observer", "error, fitted groups", "error, held-out groups")
+    groups = ["Groups", ", ".join(map(group_title, measurements.groups))]
+    drawn = ["3D", "both robots by their motor angles θ; the identified one is simulated"]
+    content = [
+        *([Paragraph(SIMULATED)] if measurements.simulated else []),
+        table(("", ""), [*set_rows(measurements), groups, drawn]),
+        *(Callout(verdict_text(one), "") for one in diagnoses[-1:]),
+        table(head, rows) if rows else Paragraph("Nothing is identified yet."),
+    ]
+    return f"# {as_markdown(measurements.name)}\n\n{markdown_fragment(content)}"
 
 
 def _told(rms: Sequence[float] | None, result: Identification) -> str:
@@ -69,48 +52,35 @@ def result_text(result: Identification, count: int, label: str) -> str:
     """One result: model, parameters, error per joint, observer."""
     effects = ", ".join(effect_text_name(effect.text) for effect in result.model.effects)
     refined = ", refined" if result.refined else ""
-    title = f"# Result {count}{f': {as_markdown(label)}' if label else ''}{refined}"
-    named = f"effects in the model: {as_markdown(effects) or 'none'}"
-    return "\n\n".join([title, named, markdown(result.document())])
+    title = as_markdown(f"Result {count}{f': {label}' if label else ''}{refined}")
+    named = Paragraph(f"effects in the model: {effects or 'none'}")
+    return f"# {title}\n\n{markdown_fragment([named, *result.document().blocks()])}"
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """The verdict, the ranked findings, the staircase, notes, and where the model fails."""
-    lines = [f"# {markdown(diagnosis.document())}", ""]
-    units = {(one.joint, one.variable): one.unit for one in diagnosis.maps}
-    places = [place for place in diagnosis.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
-    if places:
-        lines += ["## Where the final model fails", ""]
-    groups = [group.name for group in diagnosis.steps[-1].groups] if diagnosis.steps else []
-    for place in places:
-        share, unit = share_text(place.explained), units.get((place.joint, place.variable), "")
-        span = as_markdown(span_text(place, unit, groups))
-        lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {span}")
-    return "\n".join(lines)
+    """The verdict, the ranked findings, the staircase, where the model fails, notes."""
+    return markdown_fragment(diagnosis.document().blocks())
 
 
 def group_text(
     measurements: MeasurementSet, group: Group, motion: RobotMotion, stride: int, reason: str = ""
 ) -> str:
     """One group: its data, its simulated motion or the `reason` why there is none, the stride."""
-    lines = [f"## {as_markdown(group_title(group))}", ""]
-    if measurements.simulated:
-        lines += [SIMULATED, ""]
-    bodies = ", ".join(f"{body.mass:g} kg on {as_markdown(body.link)}" for body in group.bodies) or "nothing"
-    lines += [
-        f"- trajectory {as_markdown(group.trajectory)}, payload {as_markdown(group.payload)}: {bodies}",
-        f"- {group.samples} samples in {len(group.segments)} segments, {group.duration:.3g} s",
-        f"- used for {'validation only' if group.validation else 'fitting'}",
+    bodies = ", ".join(f"{body.mass:g} kg on {body.link}" for body in group.bodies) or "nothing"
+    lines = [
+        f"trajectory {group.trajectory}, payload {group.payload}: {bodies}",
+        f"{group.samples} samples in {len(group.segments)} segments, {group.duration:.3g} s",
+        f"used for {'validation only' if group.validation else 'fitting'}",
     ]
     if stride > 1:
-        lines.append(f"- 1 of every {stride} samples is recorded (after filtering)")
+        lines.append(f"1 of every {stride} samples is recorded (after filtering)")
     if reason:
-        lines.append(f"- identified motion: not simulated: {as_markdown(reason)}")
+        lines.append(f"identified motion: not simulated: {reason}")
     elif motion.model_theta is not None:
         error = np.max(np.abs(motion.model_theta - motion.theta))
-        note = as_markdown(motion.model_note)
-        lines.append(f"- identified motion: {note}; θ differs by {error:.2g} rad at most")
-    return "\n".join(lines)
+        lines.append(f"identified motion: {motion.model_note}; θ differs by {error:.2g} rad at most")
+    simulated = [Paragraph(SIMULATED)] if measurements.simulated else []
+    return f"## {as_markdown(group_title(group))}\n\n{markdown_fragment([*simulated, Items(lines)])}"
 
 
 def group_title(group: Group) -> str:

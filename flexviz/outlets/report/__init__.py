@@ -1,7 +1,6 @@
 """Reports as one self-contained file: of a session, or of any sections of paragraphs, tables and charts."""
 
-from flexviz.outlets.report.animation import session_animation
-from flexviz.outlets.report.blocks import (
+from flexviz.content.blocks import (
     Block,
     Callout,
     Cell,
@@ -13,8 +12,9 @@ from flexviz.outlets.report.blocks import (
     section,
     table,
 )
-from flexviz.outlets.report.content import diagnosed_session
-from flexviz.outlets.report.html import html
+from flexviz.content.rendering import html
+from flexviz.content.topics import diagnosed_session
+from flexviz.outlets.report.animation import session_animation
 from flexviz.outlets.report.writing import session_report
 
 __all__ = [

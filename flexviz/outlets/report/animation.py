@@ -20,10 +20,10 @@ from flexviz.base.progress import Progress, ProgressCallback, StopCallback, igno
 from flexviz.content.charts import COLOURS
 from flexviz.content.scene import lean_shape, robot_shape, scene_layout
 from flexviz.content.session import Session
+from flexviz.content.topics import gather
 from flexviz.content.wording import escape, number
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.model.simulation import Run, replay
-from flexviz.outlets.report.content import gather
 from flexviz.robot.robot import Robot
 
 POLICY = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,24 +10,13 @@ from flexviz.analysis.acceptance import AcceptanceLimits
 from flexviz.base.errors import Cancelled, InputError, choose_from
 from flexviz.base.files import as_json
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.content.blocks import ReportDocument, Section
+from flexviz.content.rendering import html, markdown
 from flexviz.content.session import Session, now
+from flexviz.content.topics import Story, gather, group_rows, ordered, sentence, shown_time, warnings
 from flexviz.content.wording import mounting_text, plural
 from flexviz.data.measurements import MeasurementSet
-from flexviz.outlets.report.blocks import ReportDocument, Section
-from flexviz.outlets.report.content import ReportContent, gather, shown_time
-from flexviz.outlets.report.html import html
-from flexviz.outlets.report.markdown import markdown
-from flexviz.outlets.report.sections.acceptance import acceptance, accepted
-from flexviz.outlets.report.sections.effects import effects, next_experiments, telling_apart, why
-from flexviz.outlets.report.sections.errors import group_rows, staircase, where
-from flexviz.outlets.report.sections.parameters import guard, parameters
-from flexviz.outlets.report.sections.reproduce import reproduce
-from flexviz.outlets.report.sections.summary import sentence, summary, warnings
-from flexviz.outlets.report.sections.torque import torque
 
-SECTIONS: tuple[Callable[[ReportContent], Section | None], ...] = (
-    summary, acceptance, staircase, torque, effects, why, parameters, where, telling_apart, guard, reproduce,
-)  # fmt: skip
 KINDS = ("html", "md", "json")
 FORMAT = 1  # of the JSON
 
@@ -70,7 +58,7 @@ def session_report(
 
 
 def compose(
-    content: ReportContent,
+    content: Story,
     when: str,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
@@ -78,11 +66,12 @@ def compose(
     """The report's sections in reading order."""
     measurements = content.measurements
     sections: list[Section] = []
-    for number, make in enumerate(SECTIONS):
+    topics = ordered()
+    for number, topic in enumerate(topics):
         if should_stop():
             raise Cancelled
-        progress(Progress("writing the report", number / len(SECTIONS)))
-        section = make(content)
+        progress(Progress("writing the report", number / len(topics)))
+        section = topic.section(content)
         sections += [] if section is None else [section]
     mounted = mounting_text(measurements.robot.gravity)
     seconds = sum(group.duration for group in measurements.groups)
@@ -96,7 +85,7 @@ def compose(
     )
 
 
-def as_numbers(content: ReportContent, when: str) -> str:
+def as_numbers(content: Story, when: str) -> str:
     """Results, settings and data hashes as JSON text; numbers that are not finite are null."""
     analysis, measurements = content.analysis, content.measurements
     # the steps of the present model alone; the whole staircase follows
@@ -144,11 +133,12 @@ def as_numbers(content: ReportContent, when: str) -> str:
         ],
         "diagnosis": diagnosis,
         "identification": None if content.identification is None else content.identification.to_dict(),
-        "acceptance": None if (judged := accepted(content)) is None else judged.to_dict(),
+        "acceptance": None,
         "guard": None if diagnosis is None else diagnosis["guard"],
-        "next_experiments": next_experiments(content, content.found),
+        "next_experiments": [],
         "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in content.session.steps],
         "notes": [{"when": note.when, "text": note.text} for note in content.session.notes],
         "recordings": [str(file) for file in content.session.recordings],
     }
-    return as_json(document)
+    told = ((topic.name, topic.numbers(content)) for topic in ordered())
+    return as_json(document | {name: numbers for name, numbers in told if numbers is not None})

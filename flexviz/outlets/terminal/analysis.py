@@ -124,7 +124,7 @@ def record(
     ),
 ) -> int:
     """Identify, and record signals, observer states, residuals, iterations and both robots."""
-    from flexviz.content.results import run_lines
+    from flexviz.content.topics import TOPICS
     from flexviz.outlets.workflows import record as record_analysis
 
     terminal.check_output_file(out, ".rrd", named=True)
@@ -135,8 +135,9 @@ def record(
     written = done.recorded
     state = "" if written.complete else ", stopped before everything was recorded"
     size = f"{written.bytes / 1e6:.1f} MB, {written.chunks} chunks"
-    lines = run_lines(done.results[-1].document()) if done.results else []
-    terminal.print_lines([*lines, f"{written.file}: {size}{state}"])
+    if done.results:
+        terminal.show_blocks(TOPICS["run"].blocks(done.results[-1].document()))
+    terminal.print_lines([f"{written.file}: {size}{state}"])
     return exit_code(done.results[-1]) if written.complete else 130
 
 

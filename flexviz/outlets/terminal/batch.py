@@ -14,6 +14,7 @@ from flexviz.outlets.terminal.terminal import Reporter, interruptible
 
 if TYPE_CHECKING:
     from flexviz.analysis.identification import FitSettings
+    from flexviz.content.blocks import Block
     from flexviz.outlets.batch import BatchOutcome, StudyOutcome
 
 OutOption = Annotated[
@@ -121,7 +122,7 @@ def study(
         done = run_study(
             plan, out, where, retry=work.retry, progress=report, should_stop=should_stop, note=terminal.note
         )
-    terminal.print_lines(study_lines(done))
+    terminal.show_blocks(study_blocks(done))
     return 130 if not done.complete else 1 if done.count.failed else 0
 
 
@@ -130,27 +131,10 @@ def computed(done: BatchOutcome | StudyOutcome) -> str:
     return f"computed now: {done.count.done}; kept from before: {done.count.kept}"
 
 
-def study_lines(done: StudyOutcome) -> list[str]:
+def study_blocks(done: StudyOutcome) -> list[Block]:
     """What the runs say together, and where the results are."""
-    from flexviz.content.wording import number
-    from flexviz.outlets.batch import detected, detection_limit, spreads
+    from flexviz.content.blocks import Paragraph
+    from flexviz.outlets.batch import study_sections
 
-    out = [f"{len(done.runs)} runs; {computed(done)}"]
-    if done.plan.kind == "detection":
-        counts = detected(done.plan, done.runs)
-        out += [f"{size:g}: found exactly in {right} of {of}" for size, right, of in counts]
-        limit = detection_limit(counts)
-        out.append("no size is detected" if limit is None else f"detected from {limit:g} on")
-    elif done.plan.kind == "bandwidth":
-        out += [
-            f"{run.setting:g} rad/s: error {number(100 * run.result['residual'], 3)} % of the torque"
-            for run in done.runs
-            if run.result is not None
-        ]
-    else:
-        for one in spreads(done.runs):
-            right = "" if one.coverage is None else f"; truth in {100 * one.coverage:.0f} % of the intervals"
-            stated = f"spread {number(one.spread, 3)}, stated {number(one.claimed, 3)} {one.unit}"
-            out.append(f"{one.parameter}: {number(one.mean, 5)}, {stated}{right}")
-    out += [f"failed: run {run.number}: {run.error}" for run in done.runs if run.error][:10]
-    return [*out, f"{done.folder}: runs.parquet, summary.html"]
+    said = [block for section in study_sections(done.plan, done.runs) for block in section.blocks]
+    return [*said, Paragraph(computed(done)), Paragraph(f"{done.folder}: runs.parquet, summary.html")]

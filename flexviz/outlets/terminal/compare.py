@@ -15,7 +15,7 @@ from flexviz.outlets.terminal.terminal import Reporter, interruptible
 
 if TYPE_CHECKING:
     from flexviz.analysis.diagnosis import Diagnosis
-    from flexviz.content.comparing import ComparedFriction, KnownResults, ResultComparison
+    from flexviz.content.comparing import ComparedFriction, KnownResults
     from flexviz.data.measurements import MeasurementSet
 
 
@@ -55,7 +55,7 @@ def compare(
             sets.append((one, diagnosis))
             known.append(of_set(one, diagnosis))
     found = comparing.compare(known)
-    show(found, all_parameters)
+    terminal.show_blocks(comparing.comparison_blocks(found, all_parameters))
     friction = show_friction(*sets) if len(sets) == len(sources) == 2 else {}
     terminal.write_json(json_file, found.to_dict() | friction)
     return 0
@@ -104,42 +104,27 @@ def of_set(measurements: MeasurementSet, diagnosis: Diagnosis) -> KnownResults:
     return KnownResults(measurements.name, measurements.name, None, diagnosis.document(), sha256)
 
 
-def show(found: ResultComparison, inertial: bool = False) -> None:
-    """Print the tables of a comparison, and what limits it."""
-    from flexviz.content.comparing import facts, numbers, remarks
-    from flexviz.content.results import in_ascii, plain_table
-
-    console = terminal.results()
-    for table in (facts(found), numbers(found, inertial)):
-        shown = plain_table()
-        for column, title in enumerate(table.head):
-            right = column in table.numbers
-            shown.add_column(title, justify="right" if right else "left", no_wrap=right, overflow="fold")
-        for row in table.rows:
-            shown.add_row(*map(in_ascii, row))
-        console.print(shown)
-    terminal.print_lines(remarks(found))
-
-
 def show_friction(before: tuple[MeasurementSet, Diagnosis], after: tuple[MeasurementSet, Diagnosis]) -> dict:
     """Print what a compensation removed between two sets, and what is left; the same for JSON."""
+    from flexviz.content import blocks
     from flexviz.content.comparing import compare_friction
-    from flexviz.content.results import parts, plain_table
+    from flexviz.content.rendering import text
     from flexviz.content.wording import number, percent
 
     models = [diagnosis.model for _, diagnosis in (before, after)]
     assert models[0] is not None and models[1] is not None
     found = compare_friction(before[0], models[0], models[1])
-    table = plain_table("joint", numbers=["speed", "first [Nm]", "second [Nm]", "removed"])
-    for one in found:
-        for speed in one.speeds:
-            first, second = number(speed.before, 3), number(speed.after, 3)
-            table.add_row(one.joint, speed.text, first, second, percent(speed.removed))
-    terminal.results().print(table)
+    rows = [
+        [one.joint, speed.text, number(speed.before, 3), number(speed.after, 3), percent(speed.removed)]
+        for one in found
+        for speed in one.speeds
+    ]
+    head = ("joint", "speed", "first [Nm]", "second [Nm]", "removed")
     left = after[1].document()
-    texts = [part for part in parts(left, 140) if isinstance(part, str)]
     said = [*(one.text for one in found), "What is left, by the diagnosis of the second set:"]
-    terminal.print_lines([*said, *(f"  {text}" for text in texts)])
+    terminal.show_blocks([blocks.table(head, rows, range(1, 5)), *map(blocks.Paragraph, said)])
+    lines = (block for block in left.blocks() if not isinstance(block, blocks.TableBlock))
+    terminal.print_lines(f"  {line}" for line in text(lines).splitlines())
     names = {"without": before[0].name, "compensated": after[0].name}
     return names | {"joints": [friction_entry(one) for one in found], "left": left.to_dict()}
 

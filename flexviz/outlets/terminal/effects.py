@@ -57,23 +57,20 @@ def effects(
 
 def list_all(console: Console, shown: Iterable[Effect]) -> None:
     """A table with one row per effect."""
-    from flexviz.content.results import WIDE, plain_table
+    from flexviz.content.blocks import Paragraph, table
+    from flexviz.content.rendering import WIDE
     from flexviz.content.wording import parameter_text
 
+    rows = []
     wide = console.width >= WIDE
-    table = plain_table(*(("effect", "title", "where") if wide else ("effect",)))
-    table.add_column("description", ratio=3)
-    if wide:
-        table.add_column("parameters", ratio=2)
     for effect in shown:
-        parameters = ", ".join(parameter_text(p) for p in effect.parameters)
-        if wide:
-            table.add_row(effect.name, effect.title, effect.where, effect.explanation, parameters)
-        else:
-            named = f"{effect.name}\n{effect.title}\n{effect.where}"
-            table.add_row(named, f"{effect.explanation}\n{parameters}")
-    console.print(table)
-    console.print("flexviz effects NAME shows one with its equation, bounds and signature.", soft_wrap=True)
+        parameters = ", ".join(map(parameter_text, effect.parameters))
+        about = [effect.explanation, parameters] if wide else [f"{effect.explanation}\n{parameters}"]
+        name = (effect.name, effect.title, effect.where)
+        rows.append([*(name if wide else ["\n".join(name)]), *about])
+    head = ("effect", "title", "where", "description", "parameters") if wide else ("effect", "description")
+    more = "flexviz effects NAME shows one with its equation, bounds and signature."
+    terminal.show_blocks([table(head, rows, fold=(3, 4) if wide else (1,)), Paragraph(more)])
 
 
 def show_one(console: Console, effect: Effect) -> None:

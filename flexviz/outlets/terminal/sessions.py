@@ -47,7 +47,7 @@ def check_session(path: Path) -> None:
 def lines(opened: OpenedSession) -> list[str]:
     """Set, steps, notes, recordings."""
     from flexviz.content.session import identified_errors
-    from flexviz.outlets.view import error_text, shown_errors
+    from flexviz.content.view import error_text, shown_errors
 
     kept, analysis = opened.session, opened.session.analysis
     identified = "not identified" if analysis.diagnosis is None else "parameters from the diagnosis"

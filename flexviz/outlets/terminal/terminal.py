@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import rich.progress
     from rich.console import Console
 
+    from flexviz.content.blocks import Block
     from flexviz.content.results import ResultDocument
 
 PIPE_WIDTH = 160  # columns where standard output is not a terminal
@@ -46,12 +47,15 @@ def print_lines(lines: Iterable[str]) -> None:
 
 
 def show(result: ResultDocument) -> None:
-    """Print a result as tables and sentences."""
-    from flexviz.content.results import parts
+    """Print all that is said of a result."""
+    show_blocks(result.blocks())
 
-    console = results()
-    for part in parts(result, console.width):
-        console.print(part, soft_wrap=isinstance(part, str))
+
+def show_blocks(content: Iterable[Block]) -> None:
+    """Print blocks on standard output."""
+    from flexviz.content import rendering
+
+    rendering.show(content, results())
 
 
 def write_json(path: Path | None, data: Any) -> None:

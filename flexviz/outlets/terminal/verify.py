@@ -14,8 +14,6 @@ from flexviz.outlets.terminal.options import JsonOption, SetArgument
 from flexviz.outlets.terminal.terminal import Reporter, interruptible
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from flexviz.analysis.acceptance import AcceptanceResult, AcceptanceScope
     from flexviz.content.results import ResultDocument
     from flexviz.data.measurements import MeasurementSet
@@ -39,6 +37,7 @@ def verify(
 ) -> int:
     """Accept or refuse the model of a set by limits: exit code 0 if all are met, 1 if not."""
     from flexviz.analysis.acceptance import acceptance_scope, judge, read_limits
+    from flexviz.content.topics import verified
     from flexviz.data.measurements import read_set
 
     terminal.check_output_file(json_file, ".json")
@@ -55,8 +54,7 @@ def verify(
         terminal.note("stopped: nothing is judged")
         return 130
     found, scope = judge(told, limits, measurements.joints), acceptance_scope(measurements)
-    terminal.results().print(lines_table(found))
-    terminal.print_lines(scope_lines(found, scope))
+    terminal.show_blocks(verified(found, scope))
     terminal.write_json(json_file, document(measurements, require, found, scope))
     return 0 if found.passed else NOT_MET
 
@@ -73,25 +71,6 @@ def saved_result(file: Path, measurements: MeasurementSet) -> ResultDocument:
     if told.set_sha256 is None and told.set != measurements.name:
         raise InputError(f"is a result of {told.set}, expected one of {measurements.name}", file=file)
     return told
-
-
-def lines_table(found: AcceptanceResult) -> Table:
-    """A row per requirement."""
-    from flexviz.content.results import plain_table
-
-    table = plain_table("", "joint", "requirement", numbers=["found"], end=["required"])
-    for line in found.lines:
-        state = "pass" if line.passed else "FAIL"
-        table.add_row(state, line.joint or "all", line.what.text, line.found.text, line.required.text)
-    return table
-
-
-def scope_lines(found: AcceptanceResult, scope: AcceptanceScope) -> list[str]:
-    """The sum, the range for which it holds, and what it does not prove."""
-    from flexviz.analysis.acceptance import NOT_PROVED
-
-    ranges = [f"  {one.fact}" for one in scope.joints]
-    return [found.text, scope.text, *ranges, "It does not prove:", *(f"  {fact}" for fact in NOT_PROVED)]
 
 
 def document(

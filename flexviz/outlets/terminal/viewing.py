@@ -34,9 +34,8 @@ def review(
     browser: BrowserOption = True,
 ) -> int:
     """Open recordings in Rerun's viewer, on this machine only; of two, the newest results are compared."""
-    from flexviz.content.comparing import compare as compare_results
+    from flexviz.content.comparing import compare, comparison_blocks
     from flexviz.outlets.recording import ending_tidily
-    from flexviz.outlets.terminal.compare import show as show_comparison
 
     terminal.check_output_file(out, ".rrd", named=True)
     with temporary_folder("review") as temporary, ending_tidily():
@@ -49,7 +48,7 @@ def review(
             a, b = found
             if a is None or b is None:
                 raise InputError("only recordings of flexviz can be compared", file=files[a is not None])
-            show_comparison(compare_results([a.known, b.known]))
+            terminal.show_blocks(comparison_blocks(compare([a.known, b.known])))
         if not check:
             show(files, web, port, browser)
     return 0

@@ -11,6 +11,7 @@ from typing import Any
 from flexviz.base.errors import FlexvizError
 from flexviz.base.jobs import InChild, InThread, Task
 from flexviz.base.progress import Progress
+from flexviz.content.view import by_title
 from flexviz.content.wording import escape, plural
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.own_robot import MAPPING_FILE
@@ -20,7 +21,6 @@ from flexviz.outlets.app.steps.own_robot import OwnRobot
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.uploads import LARGEST_UPLOAD, MAX_FILES, UploadFolder, describe_robot, take
 from flexviz.outlets.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hideable, output_dir
-from flexviz.outlets.view import by_title
 
 WAITING = "A robot's URDF and logs; a zip of a set, or its files; or a URDF alone, to simulate it."
 MAX_MISSING_FILES = 6  # listed in the message

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.base.errors import InputError
+from flexviz.content.rendering import panel
 from flexviz.content.session import ROLES, Autosave, Unsaved, find_unsaved
+from flexviz.content.topics import set_blocks
 from flexviz.content.wording import number, temperature_text
 from flexviz.data.measurements import Group
 from flexviz.outlets.app.explained import ExplainedHtml
@@ -21,7 +23,6 @@ from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import hidden_in_the_dark, label_width
 from flexviz.outlets.app.workspace import unsaved_dir
-from flexviz.outlets.view import set_html
 
 ROLE_NAMES = tuple(role.capitalize() for role in ROLES)
 MAX_LABEL_LENGTH = 40  # characters of a group's label
@@ -57,7 +58,7 @@ class DataStep(WorkflowStep):
     def _opened(self) -> None:
         """Show the new set and one row per group."""
         measurements, page = self.store.measurements, self.page
-        self._about.content = set_html(measurements, self.store.opened.shape.missing)
+        self._about.content = panel(set_blocks(measurements, self.store.opened.shape.missing))
         for row in self._roles.values():
             row.remove()
         self._roles = {}

@@ -8,9 +8,28 @@ from typing import Any
 
 from flexviz.analysis.diagnosis import Finding, why_no_curve
 from flexviz.base.errors import InputError
+from flexviz.content.blocks import Details
 from flexviz.content.records import found_shares
+from flexviz.content.rendering import panel
 from flexviz.content.session import Analysis, diagnosed_models
-from flexviz.content.wording import MergedFinding, capitalised, merged_findings, number, text_names
+from flexviz.content.topics import heading, more_blocks, verdict_panel, why_blocks
+from flexviz.content.view import (
+    alone_html,
+    free_chart,
+    free_html,
+    offered_curve,
+    so_far_html,
+    worst_joint_so_far,
+    wrong_html,
+)
+from flexviz.content.wording import (
+    TRACE_TITLE,
+    MergedFinding,
+    capitalised,
+    merged_findings,
+    number,
+    text_names,
+)
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import SHIFT, dim, off, put
 from flexviz.outlets.app.state import Changed, FitProgress, Turn
@@ -19,18 +38,6 @@ from flexviz.outlets.app.steps.findings import FindingEntry, ModelList
 from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.tasks import AddFreeCurve, Diagnose, DiagnosedSet, bandwidth_of
 from flexviz.outlets.app.uplot import ChartColumn
-from flexviz.outlets.view import (
-    alone_html,
-    free_chart,
-    free_html,
-    heading_html,
-    offered_curve,
-    so_far_html,
-    trace_html,
-    verdict_html,
-    worst_joint_so_far,
-    wrong_html,
-)
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -59,7 +66,7 @@ class DiagnoseStep(WorkflowStep):
         self._merged: list[MergedFinding[Finding]] = []
         self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
-        self._tried = ExplainedHtml(gui)
+        self._tried, self.more = ExplainedHtml(gui), ExplainedHtml(gui)
         self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
         self.next_buttons = {"find": self._find, "add": self.findings[0].add}
@@ -99,9 +106,8 @@ class DiagnoseStep(WorkflowStep):
             return  # a slider of another step is dragged
         self._drawn = shown
         joints, spread = store.measurements.joints, store.measurements.torque_spread
-        self._verdict.content = verdict_html(
-            analysis.diagnosis, analysis.diagnosis_up_to_date, joints, spread
-        )
+        verdict = verdict_panel(analysis.diagnosis, analysis.diagnosis_up_to_date, joints, spread)
+        self._verdict.content = panel(verdict)
         current = analysis.current_diagnosis
         curve = offered_curve(current)
         self._stopgap.content = free_html(curve)
@@ -109,9 +115,11 @@ class DiagnoseStep(WorkflowStep):
         self._curve.show((free_chart(curve, height=HEIGHT),))
         self._add_curve.visible = current is not None and not why_no_curve(current)
         off(self._add_curve, why, "not physics: lowers the error of this motion; undo takes it back")
-        self._heading.content = heading_html(current)
+        self._heading.content = panel(heading(current))
         self._show_findings()
-        self._tried.content = trace_html(current, joints)
+        tried = list(why_blocks(current, joints)) if current is not None else []
+        self._tried.content = panel([Details(TRACE_TITLE, tried)] if tried else [])
+        self.more.content = panel(more_blocks(current or analysis.identification))
         self.deciding.refresh()
         families = dict(pair for one in analysis.model_steps for pair in one.families)
         self.model.show(store.measurements.effects, analysis.effects, joints, why, families)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from flexviz.content.view import by_title, joint_effects, joints_with, matrix_html, with_joints
 from flexviz.content.wording import short_names
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import Page
 from flexviz.outlets.app.state import Changed, Turn
 from flexviz.outlets.app.store import Store
-from flexviz.outlets.view import by_title, joint_effects, joints_with, matrix_html, with_joints
 
 
 class EffectMatrix:

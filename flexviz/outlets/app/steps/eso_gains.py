@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
+from flexviz.content.view import observer_for, pole_at, poles_html
 from flexviz.content.wording import escape, number
 from flexviz.model.observers import (
     LARGEST_MULTIPLIER,
@@ -32,7 +33,6 @@ from flexviz.outlets.app.page_script import POLE_LABEL
 from flexviz.outlets.app.state import Changed, Turn
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import hidden, label_width
-from flexviz.outlets.view import observer_for, pole_at, poles_html
 
 SIGNALS = ("θ", "τ")
 STEP = 0.01  # of a multiplier's slider

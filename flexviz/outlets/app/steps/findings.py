@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from flexviz.analysis.diagnosis import Finding
+from flexviz.content.rendering import panel
+from flexviz.content.topics import finding_panel
+from flexviz.content.view import card_html, evidence_chart, law_chart
 from flexviz.content.wording import Families, MergedFinding, escape, merged_texts, text_names
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import Page, off, put
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.uplot import ChartColumn
-from flexviz.outlets.view import card_html, evidence_chart, finding_html, law_chart
 
 MAX_ROWS = 12  # in the list of the model's effects
 APART, TOGETHER = "Take apart", "Put together"
@@ -48,7 +50,9 @@ class FindingEntry:
         joints, members = store.measurements.joints, merged.members
         here = (member for member in members if member.joint == store.joint_name)
         self._finding, self._group = next(here, members[0]), store.group.name
-        self._text.content = finding_html(merged, self._index + 1, self._index == 0, joints)
+        self._text.content = panel(
+            finding_panel(merged, self._index + 1, self._index == 0, joints), "fv-finding"
+        )
         self._card.content = card_html(merged.effect)
         what = "this effect" if len(members) == 1 else f"it on {merged.place(joints)}"
         off(self.add, store.why_not, f"adds {what}, identifies once and diagnoses again")

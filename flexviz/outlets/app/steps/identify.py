@@ -7,11 +7,13 @@ from functools import partial
 from typing import Any
 
 from flexviz.analysis.identification import Identification
+from flexviz.content import view
+from flexviz.content.rendering import panel
 from flexviz.content.results import at_bounds, hints
 from flexviz.content.session import Settings
+from flexviz.content.topics import check_blocks, parameter_panel
 from flexviz.content.wording import effect_text_name, effect_title, escape, number, plural
 from flexviz.model.effects import EFFECTS
-from flexviz.outlets import view
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import CTRL, Page, dim, off, warning
 from flexviz.outlets.app.state import Changed, FitProgress, Turn
@@ -111,7 +113,7 @@ class IdentifyStep(WorkflowStep):
         shown = result, truth if self._truth.value else None
         if self._drawn is None or any(a is not b for a, b in zip(self._drawn, shown, strict=True)):
             self._drawn = shown  # drawn once, not at every step of a slider
-            self._table.content = view.truth_html(shown[1]) + view.parameters_html(*shown)
+            self._table.content = panel(parameter_panel(*shown))
 
 
 class EffectList:
@@ -214,7 +216,7 @@ class ParameterCheck:
         if not self._follows or settings in (self._of, self._asked):
             return
         if analysis.up_to_date:  # the result holds it
-            self._show(settings, view.check_html(analysis.identification))
+            self._show(settings, panel(check_blocks(analysis.identification)))
         else:
             self._due = time.monotonic() + SETTLE
 
@@ -237,7 +239,7 @@ class ParameterCheck:
 
         def done(result: Identification) -> None:
             if settings == store.analysis.settings:
-                self._show(settings, view.check_html(result))
+                self._show(settings, panel(check_blocks(result)))
             else:
                 stopped()
 

@@ -11,6 +11,7 @@ from flexviz.analysis.identification import SweepResult
 from flexviz.base.errors import InputError
 from flexviz.base.progress import Progress
 from flexviz.content.session import Analysis
+from flexviz.content.view import numbers_html, observer_for, sweep_bandwidths, sweep_charts, sweep_html
 from flexviz.content.wording import capitalised, escape, number, plural
 from flexviz.model.observers import OBSERVERS, Observer, make_observer
 from flexviz.outlets.app.explained import ExplainedHtml
@@ -23,7 +24,6 @@ from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import no_number_box
 from flexviz.outlets.app.tasks import Sweep
 from flexviz.outlets.app.uplot import ChartColumn
-from flexviz.outlets.view import numbers_html, observer_for, sweep_bandwidths, sweep_charts, sweep_html
 
 LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth
 MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)

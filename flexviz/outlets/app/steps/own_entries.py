@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from flexviz.base.errors import InputError
+from flexviz.content.view import shown_signals
 from flexviz.data.importing import (
     ANGLE,
     CURRENT,
@@ -26,7 +27,6 @@ from flexviz.data.importing import (
 from flexviz.outlets.app.own_robot import OwnFiles
 from flexviz.outlets.app.page import Page, off
 from flexviz.outlets.app.style import half, label_width
-from flexviz.outlets.view import shown_signals
 
 NO_COLUMN, EVERY, MIXED, NUMBER = "–", "every joint", "as it is", "a number"
 SIDES = {"behind the gear (joint)": "joint", "before the gear (motor)": "motor"}

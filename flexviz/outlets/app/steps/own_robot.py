@@ -7,6 +7,14 @@ from copy import deepcopy
 from pathlib import Path
 
 from flexviz.checks import Issue
+from flexviz.content.view import (
+    known_scales,
+    own_columns_html,
+    own_files_html,
+    own_runs_html,
+    own_state_html,
+    remedy_text,
+)
 from flexviz.content.wording import escape, issue_message, issue_text
 from flexviz.data.importing import Draft, carry, edited, gaps
 from flexviz.outlets.app.access import is_loopback
@@ -20,14 +28,6 @@ from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import hidden, label_width
 from flexviz.outlets.app.uploads import new_folder
 from flexviz.outlets.app.workspace import output_dir
-from flexviz.outlets.view import (
-    known_scales,
-    own_columns_html,
-    own_files_html,
-    own_runs_html,
-    own_state_html,
-    remedy_text,
-)
 from flexviz.robot.mounting import DIRECTIONS
 
 MOST_REMEDIES = 6  # buttons at once

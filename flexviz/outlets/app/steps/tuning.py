@@ -10,6 +10,7 @@ import numpy as np
 
 from flexviz.analysis.identification import ObservedResidual, ResidualPreview
 from flexviz.base.errors import InputError
+from flexviz.content.view import Cost, residuals_html, stretch, trade_chart
 from flexviz.content.wording import escape, number
 from flexviz.model.observers import EsoGains, make_observer
 from flexviz.outlets.app.explained import ExplainedHtml
@@ -18,7 +19,6 @@ from flexviz.outlets.app.residual_axis import before_after
 from flexviz.outlets.app.state import Changed, LiveTuning, Turn
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.uplot import ChartColumn
-from flexviz.outlets.view import Cost, residuals_html, stretch, trade_chart
 
 LONGEST = 70_000  # samples of all joints that are evaluated while a slider is dragged
 SLOW = 0.12  # [s] of processor time: longer evaluations wait until the slider rests
