@@ -75,7 +75,7 @@ def may_be_signed(values: Array, bit: int) -> bool:
 
 
 def has_sign_bit(values: Array, bit: int) -> bool:
-    """Whether a column beside one with this sign bit has it, too: it is continuous so, or always below zero."""
+    """Whether a column beside one with this sign bit has it: it is continuous so, or always below zero."""
     always = bool(np.all(values > 2.0**bit - SLACK))
     return may_be_signed(values, bit) and (always or sign_bit(values) == bit)
 
