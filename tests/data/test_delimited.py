@@ -93,7 +93,7 @@ def test_encodings(tmp_path: Path, separator: str, encoding: str) -> None:
 def test_utf_16_with_spaces_or_a_line_that_is_cut_off(tmp_path: Path) -> None:
     assert is_right(written(tmp_path / "log.txt", text(" ", NAMES, cells()), "utf-16"))
     cut = written(tmp_path / "log.csv", text(",", NAMES, cells()) + "50.00,0.4", "utf-16")
-    assert is_right(cut) and cut.notes == ("the last line is cut off and left out",)
+    assert is_right(cut) and cut.notes == ("the last line is cut off (2 values for 3 columns) and left out",)
 
 
 @pytest.mark.parametrize("zeros", [1, 4096, 300_000])
@@ -101,15 +101,15 @@ def test_utf_16_with_spaces_or_a_line_that_is_cut_off(tmp_path: Path) -> None:
 def test_zeros_after_a_power_cut(tmp_path: Path, zeros: int, count: int) -> None:
     whole = text(",", NAMES, cells(count))
     log = written(tmp_path / "log.csv", whole.encode() + bytes(zeros))
-    assert is_right(log, count) and f"the last {zeros} bytes are zeros" in log.notes[0]
+    assert is_right(log, count) and f"the file ends with {zeros} zeros" in log.notes[0]
     log = written(tmp_path / "log.csv", whole.encode() + b"50.00,0.4" + bytes(zeros))
-    assert is_right(log, count) and "so is the line before them" in log.notes[0]
+    assert is_right(log, count) and "and the line before them (2 values for 3" in log.notes[0]
 
 
 def test_zeros_between_rows_are_named(tmp_path: Path) -> None:
     whole = text(",", NAMES, cells(60)).encode()
     with pytest.raises(InputError, match="zero") as raised:
         written(tmp_path / "log.csv", whole + bytes(100) + b"\n" + whole.split(b"\n", 1)[1])
-    assert raised.value.place == "line 62"
+    assert raised.value.place == "row 61 (line 62)"
     with pytest.raises(InputError, match="no rows of numbers"):
         written(tmp_path / "log.csv", bytes(5000))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -166,13 +167,12 @@ def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path, separator: str,
     text = "\n".join([header, *rows[:-1], last[:-cut]])
     (tmp_path / "run.csv").write_text(text)
     log = formats.open_log(tmp_path / "run.csv", ReadOptions())
-    cut_off = cut != 3  # "-1.5" is a number
-    assert log.columns["p1"].rows == (999 if cut_off else 1000) and not log.unusable
-    assert log.notes == (("the last line is cut off and left out",) if cut_off else ())
-    assert np.array_equal(log.columns["m2"].columns["m2"][:999], 1e3 * DATA.tau[:999, 1])
-    if cut_off:
+    assert log.columns["p1"].rows == 999 and not log.unusable
+    assert re.fullmatch(r"the last line is cut off \(.*\) and left out", *log.notes)
+    assert np.array_equal(log.columns["m2"].columns["m2"], 1e3 * DATA.tau[:999, 1])
+    if cut > 3:  # "-1.5" is a number
         (tmp_path / "run.csv").write_text("\n".join([header, *rows[:50], last[:-60], *rows[50:]]))
-        with pytest.raises(InputError, match="not a readable CSV table"):
+        with pytest.raises(InputError, match=r"row 51 \(line 52\).* one per column: complete or"):
             formats.open_log(tmp_path / "run.csv", ReadOptions())
 
 

@@ -361,7 +361,7 @@ FILES = {
     "binary.csv": (lambda file: file.write_bytes(bytes(range(256))), "not a text file"),
     "prose.csv": (lambda file: file.write_text("dear diary\nit rained\n"), "no rows of numbers"),
     "one_column.txt": (lambda file: file.write_text("tau\n" + "1\n" * 99), "holds one number.*npz"),
-    "ragged.csv": (ragged, "not a readable CSV table: .*[Rr]ow"),
+    "ragged.csv": (ragged, "row 51 .line 52.: found 3 values for 2 columns"),
     "short.csv": (lambda file: file.write_text("a,b\n1,2\n3,4\n"), "2 rows, expected at least 32"),
     "header.csv": (
         lambda file: file.write_text("a,b,c,d\n" + "1,2\n" * 99),

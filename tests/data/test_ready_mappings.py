@@ -305,6 +305,38 @@ def test_names_of_other_loggers(names: str) -> None:
             assert dict(found.roles[signal].columns) == expected
 
 
+SPEED = np.round(300 * np.sin(np.arange(400.0) / 20))
+SENT = np.where(SPEED < 0, 2**15 - SPEED, SPEED)
+SENT_LOAD = np.where(SPEED < 0, 2**10 - SPEED, SPEED)
+REGISTERS = {  # columns of LeRobot's names, what they are, and the sign bit that is stated of τ
+    "raw": ({"present_velocity": SENT, "present_current": SENT}, "Feetech STS servos", 15),
+    "raw load": ({"present_velocity": SENT, "present_load": SENT_LOAD}, "Feetech STS servos", 10),
+    "decoded": ({"present_velocity": SPEED, "present_load": SPEED, "present_current": SPEED},
+                "Feetech STS servos", None),
+    "decoded, voltage": ({"present_velocity": SPEED, "present_current": SPEED,
+                          "present_voltage": 120 + 0 * SPEED}, "Feetech STS servos", None),
+    "Dynamixel X": ({"present_velocity": SPEED, "present_current": SPEED,
+                     "present_input_voltage": 120 + 0 * SPEED}, "Dynamixel X servos", None),
+    "Dynamixel X, unsigned": ({"present_velocity": SPEED % 2**32, "present_current": SPEED % 2**16},
+                              "Dynamixel X servos", None),
+    "16 bits in two's complement": ({"present_velocity": SPEED % 2**16, "present_load": SPEED % 2**16},
+                                    "Dynamixel X servos", None),
+    "AX or MX": ({"present_load": SENT_LOAD}, "Dynamixel X servos", 10),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REGISTERS)
+def test_registers_with_a_sign_bit(name: str) -> None:
+    signals, title, bit = REGISTERS[name]
+    columns = {"time": np.arange(400.0)}
+    for joint in ("joint1", "joint2"):
+        columns |= {f"{key}_{joint}": x for key, x in ({"present_position": 2048 + SPEED} | signals).items()}
+    found = recognised(Log(Path("x"), "CSV", (LogTable("", columns),)), ("joint1", "joint2"))
+    assert found is not None and found.mapping.title == title
+    assert found.roles["tau"].stated.get("sign_bit") == bit
+    assert (found.roles["theta"].stated.get("sign_bit") == 15) == (title == "Feetech STS servos")
+
+
 def test_every_ready_mapping_is_tried_and_documented() -> None:
     titles = {mapping.title for mapping in ready_mappings()}
     assert len(titles) == len(list(FOLDER.glob("*.toml")))

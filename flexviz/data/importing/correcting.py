@@ -15,12 +15,14 @@ from flexviz.data.importing.goal_units import state_units
 from flexviz.data.importing.scales import find_scales
 from flexviz.data.logs import (
     AssembledGroup,
+    CoarseClock,
     Log,
     assemble,
     check_stop,
 )
 from flexviz.robot.robot import Robot
 
+COARSE = "most instants repeat"  # why a clock is not used as it is
 CORRECTION_ROUNDS = 4  # of correcting what the data contradict
 
 
@@ -30,13 +32,23 @@ def correct(
     """Let the data correct units, sides, signs and clocks; the issues that remain."""
     robot = Robot.load(draft.robot, tuple(draft.joints), gravity=draft.gravity)
     remaining: list[Issue] = []
+    shifted = False
     for round_ in range(CORRECTION_ROUNDS):
         progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
         check_stop(should_stop)
         mapping = draft.mapping().for_joints(robot.prismatic, Path("mapping"))
         entries = zip(logs, mapping.logs, strict=False)
-        groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
-        if round_ == 0:
+        try:
+            groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
+        except CoarseClock as error:
+            key = error.proposal
+            if key is None or draft.time.get(key.key) == key.value:
+                raise
+            draft.time[key.key] = key.value
+            draft.time_comment = COARSE
+            continue
+        if not shifted:
+            shifted = True
             shift_clocks(draft, groups[0])
         if draft.drive:
             state_units(draft, robot, [group.table for group in groups])

@@ -25,6 +25,7 @@ from flexviz.data.importing.delays import (
 from flexviz.data.importing.samples import SPOILT
 from flexviz.data.logs import (
     AssembledGroup,
+    CoarseClock,
     LogSource,
     Mapping,
     ReadOptions,
@@ -177,15 +178,21 @@ def read_and_check(
     """The mapping, mended if asked, its groups, their issues, and the keys that were set."""
     mended: list[str] = []
     for _ in range(MOST_ROUNDS):
-        groups = read_groups(mapping, file, file.absolute().parent, progress, should_stop)
-        progress(Progress("comparing with the robot", 0.0))
-        found = check_all(mapping, robot, payloads, groups)
-        keys = dict.fromkeys(str(proposal) for issue in found for proposal in issue.proposals)
+        try:
+            groups = read_groups(mapping, file, file.absolute().parent, progress, should_stop)
+            progress(Progress("comparing with the robot", 0.0))
+            found = check_all(mapping, robot, payloads, groups)
+            proposals = [proposal for issue in found for proposal in issue.proposals]
+        except CoarseClock as error:
+            if not mend or error.proposal is None or str(error.proposal) in mended:
+                raise
+            proposals = [error.proposal]
+        keys = dict.fromkeys(map(str, proposals))
         if not mend or set(keys) <= set(mended):
             break
         mended += [text for text in keys if text not in mended]
         document = mapping.model_dump(by_alias=True, exclude_unset=True, mode="json")
-        document = proposed(document, (proposal for issue in found for proposal in issue.proposals))
+        document = proposed(document, proposals)
         mapping = parse_mapping(document, file).for_joints(robot.prismatic, file)
         robot = robot.mounted(mapping.gravity or robot.gravity)
     return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]

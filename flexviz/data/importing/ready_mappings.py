@@ -29,6 +29,7 @@ from flexviz.data.logs import (
     TimeColumn,
     pattern,
 )
+from flexviz.data.noise import may_be_signed, sign_bit
 
 FOLDER = Path(__file__).parent / "ready"
 FEW_COUNTS = 10  # that are no motion
@@ -76,7 +77,11 @@ class SignalColumns(StrictTable):
         stated: dict[str, Any] = {"unit": self.unit} if own is None and isinstance(self.unit, float) else {}
         stated |= {"side": "motor"} if self.side == "motor" else {}
         stated |= {"offset": self.offset} if self.offset else {}
-        stated |= {"sign_bit": self.sign_bit} if self.sign_bit is not None else {}
+        if self.sign_bit is not None and all(
+            may_be_signed(np.asarray(log.columns[column].columns[column], dtype=float), self.sign_bit)
+            for column in columns.values()
+        ):
+            stated["sign_bit"] = self.sign_bit
         return ColumnFamily(pattern(list(columns.values())), columns, said, "controller", stated)
 
 
@@ -90,6 +95,9 @@ class ReadyMapping(StrictTable):
     marks: list[list[Text]] = Field(
         default_factory=list
     )  # further columns by any set of which it is recognised
+    signed: dict[Text, int] = Field(
+        default_factory=dict
+    )  # further columns by whose sign bit it is recognised
     time: TimeColumn | None = None
     theta: Entries
     tau: Entries
@@ -100,7 +108,8 @@ class ReadyMapping(StrictTable):
     def roles(self, log: Log, joints: Sequence[str]) -> tuple[dict[str, ColumnFamily], SignalColumns | None]:
         """Signal -> its columns, and the entry of τ; {} where the log is not of this kind."""
         names = list(log.columns)
-        if self.marks and not any(all(_among(names, mark) for mark in marks) for marks in self.marks):
+        marked = not self.marks or any(all(_among(names, mark) for mark in marks) for marks in self.marks)
+        if not marked and not any(_signed(log, mark, bit) for mark, bit in self.signed.items()):
             return {}, None
         roles: dict[str, ColumnFamily] = {}
         torque: SignalColumns | None = None
@@ -118,7 +127,18 @@ class ReadyMapping(StrictTable):
 
 def _among(names: Sequence[str], mark: str) -> bool:
     """Whether one of a log's columns has this name, by itself or behind a joint's."""
-    return any(re.fullmatch(rf"(.*[^a-z])?{mark}.*", name, re.IGNORECASE) for name in names)
+    return any(_is_called(name, mark) for name in names)
+
+
+def _is_called(name: str, mark: str) -> bool:
+    return bool(re.fullmatch(rf"(.*[^a-z])?{mark}.*", name, re.IGNORECASE))
+
+
+def _signed(log: Log, mark: str, bit: int) -> bool:
+    """Whether a column with this name is a register with this sign bit."""
+    tables = {name: table for name, table in log.columns.items() if _is_called(name, mark)}
+    columns = (np.asarray(table.columns[name], dtype=float) for name, table in tables.items())
+    return any(sign_bit(values[np.isfinite(values)]) == bit for values in columns)
 
 
 @lru_cache(maxsize=1)

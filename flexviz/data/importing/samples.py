@@ -21,6 +21,7 @@ from flexviz.data.noise import (
     check_outside,
     check_repeats,
     filtered_before_writing,
+    has_sign_bit,
 )
 from flexviz.robot.robot import PayloadBody, Robot
 
@@ -108,7 +109,7 @@ def _issue(mapping: Mapping, found: Found) -> Issue:
         "expected": worst.expected,
     }
     severity: Severity = "wrong" if worst.kind in SPOILT else "odd"
-    proposals = tuple(_proposals(mapping, found))
+    proposals = tuple({str(proposal): proposal for proposal in _proposals(mapping, found)}.values())
     return Issue(worst.kind, severity, joints, worst.signal, values, proposals=proposals)
 
 
@@ -133,6 +134,8 @@ def _proposals(mapping: Mapping, found: Found) -> Iterator[Proposal]:
             yield Proposal((), remedy.key, remedy.value)
         elif remedy.of == "signal":
             yield Proposal(("joints", finding.joint, finding.signal), remedy.key, _plain(remedy.value))
+            if remedy.key == "sign_bit":
+                yield from _same_bus(group, finding, int(remedy.value))  # type: ignore[arg-type]
         else:
             stretches.setdefault(group.entry.group, []).append((group, remedy))
     for name, remedies in stretches.items():
@@ -145,6 +148,15 @@ def _proposals(mapping: Mapping, found: Found) -> Iterator[Proposal]:
         group = remedies[0][0]
         spans = sorted(span for _, remedy in remedies for span in _spans(remedy, group))
         yield Proposal(("logs", name), "leave_out", _united([*group.entry.leave_out, *spans]))
+
+
+def _same_bus(group: AssembledGroup, finding: SampleFinding, bit: int) -> Iterator[Proposal]:
+    """The sign bit of other joints and of the reference, which do not jump or are not looked at."""
+    signals = {finding.signal, "theta_ref"} if finding.signal == "theta" else {finding.signal}
+    for (joint, signal), trace in group.traces.items():
+        other = signal in signals and (joint, signal) != (finding.joint, finding.signal)
+        if other and has_sign_bit(trace.values / trace.scale, bit):
+            yield Proposal(("joints", joint, signal), "sign_bit", bit)
 
 
 def _plain(value: float | bool | tuple[tuple[float, float], ...]) -> object:

@@ -1,7 +1,7 @@
 """Logs of robots: their formats, a mapping of their columns, and the groups that are assembled from both."""
 
 from flexviz.data.logs.assembling import AssembledGroup, Trace, Traces, assemble
-from flexviz.data.logs.clocks import coarse_clock, guess_clocks, guess_unit, likely_clocks
+from flexviz.data.logs.clocks import CoarseClock, coarse_clock, guess_clocks, guess_unit, likely_clocks
 from flexviz.data.logs.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, Meaning, Quantity
 from flexviz.data.logs.columns import ColumnFamily, candidates, families_of, pattern
 from flexviz.data.logs.columns import reason as reason_of
@@ -29,6 +29,7 @@ __all__ = [
     "TIME",
     "TORQUE",
     "AssembledGroup",
+    "CoarseClock",
     "ColumnChange",
     "ColumnFamily",
     "Fix",

@@ -74,7 +74,7 @@ def read_traces(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> tupl
     traces: Traces = {}
     notes: list[str] = []
     from_bag = log.kind not in ("CSV", "Parquet", "MATLAB", "NumPy", "JSON", "Excel")
-    clocks: dict[tuple[str, str], tuple[Indices, Array]] = {}  # rows in order, and their times
+    clocks: dict[tuple[str, str], list[Array]] = {}  # rows in order, and their times
     origin: LogClock | None = None
     complete = _complete_rows(log, mapping, file)
     for joint, name, signal in sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1])):
@@ -86,8 +86,8 @@ def read_traces(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> tupl
         if key not in clocks:
             seconds = clock.seconds(origin)
             called = clock.name or clock.table or "time"
-            rows, done = rows_in_order(seconds, called, from_bag, log.file)
-            clocks[key] = rows, seconds[rows]
+            step = mapping.time.step
+            *clocks[key], done = rows_in_order(seconds, called, from_bag, log.file, step, clock.logged)
             notes += done
         rows, time = clocks[key]
         raw = np.asarray(table.columns[signal.column], dtype=float)[rows]

@@ -13,6 +13,7 @@ from flexviz.base.errors import InputError
 from flexviz.data.logs.column_names import TIME, size_of, unit_in, words
 from flexviz.data.logs.formats.base import LOGGED, SHORTEST, STAMP, Log, LogTable
 from flexviz.data.logs.mapping import TimeColumn
+from flexviz.data.logs.proposals import Proposal
 from flexviz.data.measurements import Array
 
 TIME_WORDS = {"time", "timestamp", "t", "stamp", "clock", "sec", "seconds", "ts", "zeit", "tout"}
@@ -20,6 +21,16 @@ USUAL_STEPS = (2e-4, 5e-2)  # [s] that robots are recorded with
 POSSIBLE_STEPS = (2e-5, 0.2)  # [s]
 REPEATED = 0.2  # share of repeated instants above which a clock is too coarse to be used
 LATE = 1.0  # [s] messages that come late by less are sorted; later ones are another run
+
+
+class CoarseClock(InputError):
+    """A clock that most rows share an instant of.
+
+    Attributes:
+        proposal: the key that explains it; None: nothing does.
+    """
+
+    proposal: Proposal | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +42,7 @@ class LogClock:
     raw: Array  # (N,) as recorded; int64 stays exact
     unit: float  # [s] one step of `raw`
     shift: float  # [s] that the mapping adds
+    logged: bool = False  # whether the time of recording would do
 
     @property
     def key(self) -> str:
@@ -73,7 +85,10 @@ def clock_of(
     stated = table.units.get(name)  # "ns" is stated by the column's type
     unit = stated if stated in TIME and (name == table.clock or stated == "ns") else time.unit
     size = size_of(unit, TIME)
-    return LogClock(name, table.name, table.columns[name], size, time.shift.get(table.name or name, 0.0))
+    received = table.columns.get(name.removesuffix(STAMP) + LOGGED) if name.endswith(STAMP) else None
+    logged = received is not None and increases(received)
+    shift = time.shift.get(table.name or name, 0.0)
+    return LogClock(name, table.name, table.columns[name], size, shift, logged)
 
 
 def likely_clocks(table: LogTable) -> list[str]:
@@ -98,7 +113,12 @@ def coarse_clock(table: LogTable) -> tuple[dict[str, float], str] | None:
         if called_time(name) and not increases(values) and len(finite(values)) == len(values):
             size = TIME.get(table.units.get(name) or unit_in(name) or "s", 1.0)
             if (step := even_step(values * size)) is not None:
-                return {"step": step}, f'seconds per row: "{name}" is coarser, and even as far as it shows'
+                unit = table.units.get(name) or unit_in(name) or "s"
+                stated = {"column": name} | ({"unit": unit} if unit in TIME and unit != "s" else {})
+                return {
+                    **stated,
+                    "step": step,
+                }, f'seconds per row: "{name}" is coarser, and even as far as it shows'
     return None
 
 
@@ -106,10 +126,16 @@ def called_time(name: str) -> bool:
     return bool(TIME_WORDS & set(words(name))) or unit_in(name) in TIME
 
 
-def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[Indices, list[str]]:
-    """Rows (M,) in which `time` (N,) strictly increases, and notes on what was done.
+def rows_in_order(
+    time: Array, what: str, from_bag: bool, file: Path, step: float | None = None, logged: bool = False
+) -> tuple[Indices, Array, list[str]]:
+    """Rows (M,) in which `time` (N,) strictly increases, their times (M,), and notes on what was done.
 
     Repeated instants keep the first row. Messages out of order are sorted; rows out of order are an error.
+    Where most instants repeat, rows are spaced by `step` [s], if that is given and they show nothing else.
+
+    Raises:
+        CoarseClock: most instants repeat; with `step` that explains it, or the time of recording if `logged`.
     """
     notes: list[str] = []
     rows = np.flatnonzero(np.isfinite(time))
@@ -127,21 +153,48 @@ def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[I
         rows = rows[np.argsort(known, kind="stable")]
         notes.append(f"{what}: {len(back)} messages came late, by up to {fall:.3g} s, and were sorted")
     fresh = np.concatenate([[True], np.diff(time[rows]) > 0])
-    if not fresh.all():
-        lost = int(np.count_nonzero(~fresh))
-        if lost > REPEATED * len(fresh):
-            message = f"{lost} of {len(fresh)} instants repeat the one before, expected a finer clock"
-            if (step := even_step(time[rows])) is not None:
-                message += (
-                    f"; the rows are evenly spaced as far as this clock shows: state step = {step:.9g} in "
-                    "[time] instead of its column"
-                )
-            elif from_bag:
-                message += ': clock = "log" in [time] takes the instants at which messages were received'
-            raise InputError(message, file=file, place=what)
+    lost = int(np.count_nonzero(~fresh))
+    if lost > REPEATED * len(fresh):
+        coarse = time[rows]
+        if step is not None and is_even(coarse, step):
+            return rows, coarse[0] + step * np.arange(len(rows)), notes
+        raise coarse_error(coarse, what, file, step, logged)
+    if lost:
         rows = rows[fresh]
         notes.append(f"{what}: {lost} rows that repeat the instant before were dropped")
-    return rows, notes
+    return rows, time[rows], notes
+
+
+def coarse_error(time: Array, what: str, file: Path, stated: float | None, logged: bool) -> CoarseClock:
+    """The error for a clock that is coarser than its rows (N,), with the key that explains them."""
+    repeated = np.count_nonzero(np.diff(time) <= 0)
+    message = f"{repeated} of {len(time)} instants repeat the one before, expected a finer clock"
+    found = even_step(time)
+    proposal = None
+    if stated is not None and found != stated:
+        message += f", or rows that are spaced by the stated step = {stated:.9g}"
+    if found is not None and found != stated:
+        proposal = Proposal(("time",), "step", found)
+        message += (
+            f"; the rows are evenly spaced as far as this clock shows: state step = {found:.9g} in [time]"
+        )
+    elif logged:
+        proposal = Proposal(("time",), "clock", "log")
+        message += ': clock = "log" in [time] takes the instants at which messages were received'
+    error = CoarseClock(message, file=file, place=what)
+    error.proposal = proposal
+    return error
+
+
+def is_even(time: Array, step: float) -> bool:
+    """Whether rows (N,) are spaced by `step` [s] as far as a coarser clock shows."""
+    steps = np.diff(time)
+    return bool(np.ptp(time - step * np.arange(len(time))) <= band(float(np.min(steps[steps > 0])), time))
+
+
+def band(resolution: float, time: Array) -> float:
+    """How far even rows may be from a straight line by a clock of this resolution [s]."""
+    return resolution + 8 * float(np.spacing(np.max(np.abs(time))))
 
 
 def even_step(time: Array) -> float | None:
@@ -155,14 +208,14 @@ def even_step(time: Array) -> float | None:
     if len(time) < SHORTEST or not len(rises) or np.any(steps < 0):
         return None
     resolution, rows = float(np.min(rises)), np.arange(len(time))
-    band = resolution + 8 * float(np.spacing(np.max(np.abs(time))))
+    most = band(resolution, time)
     middle = float(time[-1] - time[0]) / (len(time) - 1)
     error = resolution / (len(time) - 1)
     unit = 10.0 ** np.ceil(np.log10(middle))
     while unit > 0.01 * error:
         unit /= 10
         for count in range(max(1, int(np.ceil((middle - error) / unit))), int((middle + error) / unit) + 1):
-            if np.ptp(time - count * unit * rows) <= band:
+            if np.ptp(time - count * unit * rows) <= most:
                 return float(f"{count * unit:.12g}")
     return None
 

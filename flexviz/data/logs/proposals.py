@@ -13,7 +13,7 @@ from flexviz.base import toml
 class Proposal:
     """A key of the mapping that would mend an issue."""
 
-    # ("joints", joint, signal), ("logs", group), ("model",), or () for the top of the file
+    # ("joints", joint, signal), ("logs", group), ("model",), ("time",), or () for the top of the file
     place: tuple[str, ...]
     key: str
     value: Any
@@ -26,8 +26,8 @@ class Proposal:
     def __str__(self) -> str:
         if len(self.place) == 3:
             return f"{self.text} in {self.place[2]} of [joints.{self.place[1]}]"
-        if self.place == ("model",):
-            return f"{self.text} in [model]"
+        if len(self.place) == 1:
+            return f"{self.text} in [{self.place[0]}]"
         return f'{self.text} for log "{self.place[1]}"' if self.place else self.text
 
 
@@ -37,8 +37,8 @@ def proposed(document: dict[str, Any], proposals: Iterable[Proposal]) -> dict[st
         table = document
         if proposal.place[:1] == ("logs",):
             table = next(log for log in document["logs"] if log["group"] == proposal.place[1])
-        elif proposal.place == ("model",):
-            table = document.setdefault("model", {})
+        elif len(proposal.place) == 1:
+            table = document.setdefault(proposal.place[0], {})
         elif proposal.place:
             table = document["joints"][proposal.place[1]][proposal.place[2]]
         table[proposal.key] = proposal.value

@@ -1,6 +1,7 @@
 """Measurement sets: read, check and write what was recorded on a robot's motor side."""
 
 from flexviz.data.measurements.bridging import GAP, bridge
+from flexviz.data.measurements.damage import CELL, Damage, RecordError, cut_off, first_damage, has_zeros
 from flexviz.data.measurements.data import (
     OPTIONAL_SIGNALS,
     Array,
@@ -43,6 +44,7 @@ from flexviz.data.measurements.unit_checks import SampledMotion, likely_limits, 
 from flexviz.data.measurements.writing import SUFFIXES, check_free, write_set
 
 __all__ = [
+    "CELL",
     "FILE_NAME",
     "GAP",
     "OPTIONAL_SIGNALS",
@@ -50,6 +52,7 @@ __all__ = [
     "SUFFIXES",
     "Array",
     "Clamped",
+    "Damage",
     "Drive",
     "FileHash",
     "Fingerprint",
@@ -59,6 +62,7 @@ __all__ = [
     "HoldGroup",
     "Holds",
     "MeasurementSet",
+    "RecordError",
     "SampledMotion",
     "SeenLimit",
     "Segment",
@@ -71,8 +75,11 @@ __all__ = [
     "bridged_torque",
     "check_clamped",
     "check_free",
+    "cut_off",
     "find_holds",
     "fingerprint",
+    "first_damage",
+    "has_zeros",
     "interpolate",
     "likely_limits",
     "overview",

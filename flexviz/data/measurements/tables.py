@@ -18,6 +18,7 @@ import numpy as np
 from flexviz.base.errors import FlexvizError, InputError, one_line
 from flexviz.base.limits import check_numbers
 from flexviz.base.schemas import first_repeated
+from flexviz.data.measurements.damage import CELL, RecordError, first_damage
 from flexviz.data.measurements.data import Array
 
 if TYPE_CHECKING:
@@ -180,7 +181,7 @@ def readable(file: Path, kind: str) -> Iterator[None]:
     except FlexvizError:
         raise
     except UnicodeDecodeError:
-        raise InputError(f"not a readable {kind}: not a text in UTF-8", file=file) from None
+        raise InputError(f"not a readable {kind}: not a text in UTF-8: save it as one", file=file) from None
     except MemoryError:
         raise InputError(f"the {kind} does not fit into memory", file=file) from None
     except Exception as error:  # struct, zlib, sqlite, yaml, Arrow and decoding errors of every kind
@@ -234,28 +235,20 @@ def csv_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
 
 
 def explain_csv(file: Path, names: Sequence[str]) -> None:
-    """Find the first row that could not be read, and raise an InputError that names it."""
-    header: list[str] = []
+    """InputError that names the first row that could not be read."""
+    header = csv_header(file)
+
+    def check(text: str, ended: bool) -> None:
+        cells = [cell.strip().strip('"') for cell in text.split(",")]
+        if len(cells) != len(header):
+            raise RecordError(f"{len(cells)} values for {len(header)} columns", "one per column")
+        for name in names:
+            if not is_number(cell := cells[header.index(name)]):
+                raise RecordError(f'"{cell[:40]}"', "a number", name, CELL)
+
     with file.open("rb") as stream:
-        row = -1
-        for line, content in enumerate(stream, start=1):
-            if not content.strip():
-                continue
-            text = content.decode("utf-8-sig", "replace").strip("\r\n")
-            cells = [cell.strip().strip('"') for cell in text.split(",")]
-            if not header:
-                header = cells
-                continue
-            row += 1
-            where = f"row {row + 1} (line {line})"
-            if len(cells) != len(header):
-                message = f"{len(cells)} values for {len(header)} columns, expected one per column"
-                raise InputError(message, file=file, place=where)
-            for name in names:
-                cell = cells[header.index(name)]
-                if not is_number(cell):
-                    message = f'found "{cell[:40]}", expected a number'
-                    raise InputError(message, file=file, place=f"{where}, column {name}")
+        if damage := first_damage(stream, check, skip=1):
+            raise damage.error(file)
 
 
 def is_number(cell: str) -> bool:

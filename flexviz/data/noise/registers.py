@@ -67,6 +67,19 @@ def sign_bit(values: Array) -> int | None:
     return bit if right else None
 
 
+def may_be_signed(values: Array, bit: int) -> bool:
+    """Whether numbers (N,), NaN where unknown, can be a register whose sign is this bit."""
+    known = values[np.isfinite(values)]
+    whole = np.abs(known - np.round(known)) <= SLACK
+    return bool(np.all(whole & (known > -SLACK) & (known < 2.0 ** (bit + 1) - SLACK)))
+
+
+def has_sign_bit(values: Array, bit: int) -> bool:
+    """Whether a column beside one with this sign bit has it: it is continuous so, or always below zero."""
+    always = bool(np.all(values > 2.0**bit - SLACK))
+    return may_be_signed(values, bit) and (always or sign_bit(values) == bit)
+
+
 def sign_magnitude(values: Array, bit: int) -> Array:
     """Numbers (N,) below 2^(bit + 1) by their sign bit: 2^bit + x stands for −x."""
     return np.where(values > 2.0**bit - SLACK, 2.0**bit - values, values)

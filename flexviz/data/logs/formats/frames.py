@@ -6,15 +6,18 @@ A column is called `AIPos.A1` for an attribute and `IPOC` for an element that ho
 from __future__ import annotations
 
 import re
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from flexviz.base.errors import InputError
+from flexviz.base.facts import Fact
 from flexviz.base.limits import LARGEST_LOG, check_numbers, check_size
 from flexviz.data.logs.formats.base import Log, LogFormat, LogTable, ReadOptions, check_rows, check_stop
-from flexviz.data.measurements import readable
+from flexviz.data.measurements import RecordError, cut_off, first_damage, readable
 
+END = b"</Rob>"
 FRAME = re.compile(r"<(Rob|Sen)\b[^>]*>(.*?)</\1>", re.DOTALL)
 PART = re.compile(r"<(\w+)((?:\s+\w+\s*=\s*[\"'][^\"']*[\"'])*)\s*(?:/>|>([^<>]*)</\1>)")
 ATTRIBUTE = re.compile(r"(\w+)\s*=\s*[\"']([^\"']*)[\"']")
@@ -25,7 +28,7 @@ def read_frames(path: Path, options: ReadOptions) -> Log:
     """All numbers of the frames that the robot sent; frames without a value get NaN."""
     with readable(path, "log of XML frames"):
         check_size(path, LARGEST_LOG, "a log of XML frames")
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
+        text, notes = whole_frames(path)
     rows: list[dict[str, float]] = []
     sent = [frame for frame in FRAME.finditer(text) if frame[1] == "Rob"]
     for number, frame in enumerate(sent):
@@ -39,7 +42,30 @@ def read_frames(path: Path, options: ReadOptions) -> Log:
     check_numbers(len(rows), len(names), path)
     columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
     units = {"IPOC": "ms"} if "IPOC" in columns else {}  # counts the controller's milliseconds
-    return Log(path, "XML frames", (LogTable("", columns, None, units),))
+    return Log(path, "XML frames", (LogTable("", columns, None, units),), notes=notes)
+
+
+def whole_frames(path: Path) -> tuple[str, tuple[str, ...]]:
+    """The text without what a power cut has left at its end, and a note on that.
+
+    Raises:
+        InputError: a frame is damaged.
+    """
+    with path.open("rb") as stream:
+        cut = cut_off(stream, not_a_frame, end=END)
+        stream.seek(0)
+        text = stream.read(None if cut is None else cut.end)
+    if damage := first_damage(BytesIO(text), not_a_frame, end=END):
+        raise damage.error(path, "frame")
+    notes = () if cut is None else (Fact("cut-off", values={"zeros": cut.zeros, "record": cut.found}).text,)
+    return text.decode("utf-8-sig", "replace"), notes
+
+
+def not_a_frame(text: str, ended: bool) -> None:
+    """RecordError for text up to the end of a frame; after the last one other elements may end."""
+    begun = text.count("<Rob")
+    if begun != int(ended):
+        raise RecordError(f"{begun} beginnings of a frame before its end", "one", remedy="delete it")
 
 
 def _numbers(frame: str) -> list[tuple[str, float]]:

@@ -3,30 +3,57 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from flexviz.base.facts import Fact
 from flexviz.base.limits import LARGEST_LOG, check_size, read_json
 from flexviz.data.logs.formats.arrays import IN_PYTHON, Flattening
 from flexviz.data.logs.formats.base import SHORTEST, Log, LogFormat, ReadOptions
-from flexviz.data.measurements import readable
+from flexviz.data.measurements import RecordError, cut_off, first_damage, readable
 
 
 def read_json_log(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers."""
+    notes: tuple[str, ...] = ()
     with readable(path, "JSON log"):
         if path.suffix.lower() == ".json":
             content = read_json(path, LARGEST_LOG)
         else:
             check_size(path, LARGEST_LOG, "a JSON log")
-            with path.open(encoding="utf-8-sig") as lines:
-                content = [json.loads(line) for line in lines if line.strip()]
+            content, notes = read_lines(path)
         content = arrays_of(content)
-    return Flattening(*IN_PYTHON).log(
+    log = Flattening(*IN_PYTHON).log(
         path, "JSON", content if isinstance(content, dict) else {"data": content}
     )
+    return replace(log, notes=(*log.notes, *notes))
+
+
+def read_lines(path: Path) -> tuple[list[Any], tuple[str, ...]]:
+    """The records of a file with one in each line, without what a power cut left; and a note on that."""
+    with path.open("rb") as stream:
+        cut = cut_off(stream, not_json)
+        stream.seek(0)
+        text = stream.read(None if cut is None else cut.end)
+    notes = () if cut is None else (Fact("cut-off", values={"zeros": cut.zeros, "record": cut.found}).text,)
+    try:
+        return [json.loads(line) for line in text.decode("utf-8-sig").split("\n") if line.strip()], notes
+    except ValueError:
+        if damage := first_damage(BytesIO(text), not_json):
+            raise damage.error(path) from None
+        raise
+
+
+def not_json(text: str, ended: bool) -> None:
+    """RecordError for a line that holds no record."""
+    try:
+        json.loads(text.removeprefix("\ufeff"))
+    except ValueError as error:
+        raise RecordError(f'"{text[:40]}" ({error})', "one JSON record per line") from None
 
 
 def arrays_of(value: Any) -> Any:
