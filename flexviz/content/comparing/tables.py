@@ -57,7 +57,7 @@ def _error(one: ResultSummary, key: str, joint: str) -> str:
     if joint not in one.joints or len(rms) != len(one.joints):
         return "–"
     errors = JointErrors(rms, one.torque_spread, (), one.torque_units)
-    return error_whole(errors, one.joints.index(joint)).replace(" of the torque", "")
+    return error_whole(errors, one.joints.index(joint)).replace(errors.percent, "%")
 
 
 def remarks(found: ResultComparison) -> list[str]:

@@ -13,11 +13,13 @@ from flexviz.content.records.entries import (
 )
 from flexviz.content.records.findings import Absorbed, CandidateEffect, Family, FoundEffect, Tie
 from flexviz.content.records.joint_errors import (
+    FOLLOWING,
     PERCENT,
     TORQUE,
     JointErrors,
     mean_nrms,
     normalised,
+    percent_of,
     stated_errors,
     total_rms,
 )
@@ -45,6 +47,7 @@ from flexviz.content.records.shares import FindingKey, finding_key, found_shares
 from flexviz.content.records.trace import Decoys, Move
 
 __all__ = [
+    "FOLLOWING",
     "NOTE_KINDS",
     "NOT_DETERMINED",
     "PERCENT",
@@ -91,6 +94,7 @@ __all__ = [
     "is_determined",
     "mean_nrms",
     "normalised",
+    "percent_of",
     "stated_errors",
     "step_shares",
     "total_rms",

@@ -3,7 +3,8 @@
 Per cent are of the spread of the recorded torque: its standard deviation over all groups, which no model
 changes (NRMS: rms residual ÷ that spread; 1 − NRMS² is the share of the torque that is explained). Joints of
 any size compare. The rms that the sensors' noise alone would leave is a mark on the same axis, never a unit.
-Without a known torque the measure is Nm. Of all joints the mean is stated, in Nm the root mean square.
+Without a known torque the measure is Nm. Of joints that follow goals it is the error of their motion: rad, and
+per cent of how far the goals are ahead. Of all joints the mean is stated, in Nm the root mean square.
 """
 
 from __future__ import annotations
@@ -17,11 +18,17 @@ from flexviz.base.units import unit_of_all
 from flexviz.content.records.protocols import ErrorsLike
 
 PERCENT, TORQUE = "% of the torque", "Nm"  # units of the measure
+FOLLOWING = "% of the following error"  # of joints that follow goals: of how far the goals are ahead [rad]
 
 
 def total_rms(per_joint: Sequence[float]) -> float:
     """Root mean square over the joints' rms values [Nm]."""
     return math.sqrt(sum(value**2 for value in per_joint) / len(per_joint))
+
+
+def percent_of(units: Sequence[str]) -> str:
+    """What per cent are of, of joints with these units: PERCENT, or FOLLOWING where they are angles."""
+    return FOLLOWING if units and set(units) <= {"rad", "m"} else PERCENT
 
 
 def normalised(rms: Sequence[float], spread: Sequence[float]) -> list[float]:
@@ -60,8 +67,13 @@ class JointErrors:
 
     @cached_property
     def unit(self) -> str:
-        """PERCENT; that of the torque where its spread is not known."""
-        return PERCENT if self.relative else self.torque
+        """PERCENT, or FOLLOWING; that of the torque where its spread is not known."""
+        return self.percent if self.relative else self.torque
+
+    @property
+    def percent(self) -> str:
+        """What per cent are of."""
+        return percent_of(self.units)
 
     @property
     def relative(self) -> bool:

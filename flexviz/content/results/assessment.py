@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from flexviz.content.records import JointErrors, ParameterEstimate, ResidualSummary, normalised
+from flexviz.content.records import JointErrors, ParameterEstimate, ResidualSummary, normalised, percent_of
 from flexviz.content.results.fields import ResultFields
 from flexviz.content.wording import (
     error_short,
@@ -67,7 +67,8 @@ def something_determined(result: ResultFields) -> bool:
 
 def _nothing(residual: ResidualSummary) -> str:
     shares = [one for one in _shares(residual, residual.rms_validation or residual.rms) if math.isfinite(one)]
-    error = f", although the error is at most {percent(max(shares))} of the torque" if shares else ""
+    of = percent_of(residual.units).removeprefix("% ")
+    error = f", although the error is at most {percent(max(shares))} {of}" if shares else ""
     return f"Nothing is determined{error}: these data leave every value of the model open."
 
 
@@ -78,13 +79,13 @@ def _errors(residual: ResidualSummary) -> list[str]:
     noisy = {joint: share for joint, share in noise.items() if share > GOOD_SHARE}
     good = {joint: share for joint, share in shares.items() if share <= GOOD_SHARE and joint not in noisy}
     weak = {joint: share for joint, share in shares.items() if share > GOOD_SHARE}
-    kind = "held-out error" if residual.rms_validation else "error"
+    kind, of = "held-out error" if residual.rms_validation else "error", percent_of(residual.units)[2:]
     out = []
     if noisy:
         out.append(f"Poor: {noise_text(noisy)}.")
     if good:
         count = "all joints" if len(good) == len(shares) else f"{len(good)} of {plural(len(shares), 'joint')}"
-        out.append(f"Good: {kind} of {count}, at most {percent(max(good.values()))} of the torque.")
+        out.append(f"Good: {kind} of {count}, at most {percent(max(good.values()))} {of}.")
     if weak:
         worst = sorted(weak.items(), key=lambda item: -item[1])
         out.append(f"Weak: {kind} of {listed([f'{joint} ({percent(share)})' for joint, share in worst])}.")

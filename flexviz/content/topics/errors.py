@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 from flexviz.content.blocks import Block, TableBlock, table
-from flexviz.content.records import ErrorsLike, JointErrors, ResidualSummary
+from flexviz.content.records import FOLLOWING, ErrorsLike, JointErrors, ResidualSummary, percent_of
 from flexviz.content.results import ResultDocument
 from flexviz.content.topics.topic import Topic, register
-from flexviz.content.wording import error_whole, explained
+from flexviz.content.wording import error_in_torque, error_short, explained
 
 Column = Callable[[int | None], str]
 """The text of a joint, by its index; None: of all joints."""
@@ -39,7 +39,8 @@ def fit_table(residual: ResidualSummary) -> TableBlock:
     }
     columns = {name: partial(share_of, one) for name, one in errors.items()}
     columns |= further_columns(residual, list(errors.values())[-1])
-    unit = ", in per cent of the torque's standard deviation" if residual.torque_spread else ""
+    of = percent_of(residual.units).replace("%", "per cent")
+    unit = f", in {of}'s standard deviation" if residual.torque_spread else ""
     return error_table(residual.joints, columns, f"Rms residual of each joint{unit}")
 
 
@@ -50,16 +51,17 @@ def further_columns(of: ErrorsLike, errors: JointErrors) -> dict[str, Column]:
         of: the model, with all that is known of its errors.
         errors: those that the table states.
     """
-    mark = errors.mark
+    mark, what = errors.mark, "motion" if errors.percent == FOLLOWING else "torque"
     return {
-        "torque explained": lambda j: "" if j is None else explained(errors.shares[j] / 100),
+        f"{what} explained": lambda j: "" if j is None else explained(errors.shares[j] / 100),
         "noise": lambda j: "–" if mark is None else share_of(mark, j),
     }
 
 
 def share_of(errors: JointErrors, joint: int | None) -> str:
     """ "7.51 % (51.3 mNm)"."""
-    return error_whole(errors, joint).replace("of the torque ", "")
+    text = error_short(errors, joint)
+    return f"{text} ({error_in_torque(errors, joint)})" if errors.relative else text
 
 
 def error_table(

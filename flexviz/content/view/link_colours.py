@@ -123,7 +123,7 @@ def joints_html(
             texts.append(f"error {error_whole(found.errors, index)}")
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
         rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
-    unit = "error" if found is None else f"error [{found.errors.unit.removesuffix(' of the torque')}]"
+    unit = "error" if found is None else f"error [{'%' if found.errors.relative else found.errors.unit}]"
     loads = f"<th>τ [{unit_of_all(units)}]</th><th>θ − q [{unit_of_all(lengths)}]</th>"
     head = f"<th>joint</th><th>{unit}</th>{loads}"
     table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from flexviz.base.spelling import listed, number
-from flexviz.content.records import PERCENT, TORQUE, JointErrors, total_rms
+from flexviz.content.records import TORQUE, JointErrors, total_rms
 from flexviz.content.wording.numbers import quantity
 
 SAID_AS_SHARES = ("explained", "unexplained")
@@ -24,12 +24,12 @@ def error_text(errors: JointErrors, joint: int | None = None) -> str:
     """ "7.51 % of the torque", of a joint or of all."""
     if not errors.relative:
         return error_in_torque(errors, joint)
-    return f"{number(errors.of(joint), 3)} {PERCENT}"
+    return f"{number(errors.of(joint), 3)} {errors.percent}"
 
 
 def error_short(errors: JointErrors, joint: int | None = None) -> str:
     """ "7.51 %"."""
-    return error_text(errors, joint).replace(PERCENT, "%")
+    return error_text(errors, joint).replace(errors.percent, "%")
 
 
 def error_whole(errors: JointErrors, joint: int | None = None) -> str:
@@ -83,4 +83,4 @@ def explained(error: float) -> str:
 def left_text(joints: Sequence[str], errors: JointErrors) -> str:
     """The worst joints first: "joint2 3.00 % of its torque (0.300 Nm)"."""
     parts = (f"{joints[j]} {error_whole(errors, j)}" for j in errors.order[:MAX_LEFT])
-    return "; ".join(parts).replace("of the torque", "of its torque")
+    return "; ".join(parts).replace("% of the ", "% of its ")
