@@ -3,8 +3,8 @@
 Per cent are of the spread of the recorded torque: its standard deviation over all groups, which no model
 changes (NRMS: rms residual ÷ that spread; 1 − NRMS² is the share of the torque that is explained). Joints of
 any size compare. The rms that the sensors' noise alone would leave is a mark on the same axis, never a unit.
-Without a known torque the measure is Nm. Of joints that follow goals it is the error of their motion: rad, and
-per cent of how far the goals are ahead. Of all joints the mean is stated, in Nm the root mean square.
+Without a known torque the measure is Nm. Of joints that follow goals it is the error of their motion: rad,
+and per cent of how far the goals are ahead. Of all joints the mean is stated, in Nm the root mean square.
 """
 
 from __future__ import annotations

@@ -26,6 +26,8 @@ def servo_model(robot: Robot, values: Array, effects: Sequence[ChosenEffect]) ->
     for key in effects:
         j = key.joint or 0
         found = {NAMES[p].partition(".")[2]: in_newtons(values, p, j) for p in of_effect(key.effect)}
+        if key.effect == "cable_spring":
+            found["rest_angle"] = 0.0  # another one is a torque offset
         own.append(EffectValue(key.effect, robot.joints[j], found))
     return FlexibleModel(
         robot.joints, np.full(n, np.inf), values[INDEX["motor_inertia"]], np.zeros(n),

@@ -19,6 +19,7 @@ from flexviz.content.records import Verdict
 from flexviz.content.results import ResultDocument, lacks_effects
 from flexviz.content.wording import mounting_text, sliding_note
 from flexviz.model.effects import EFFECTS, named_effect
+from flexviz.model.servo import GAIN, follows_goals
 from flexviz.outlets.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.outlets.exporting.laws import Laws, laws, not_of_robot
 from flexviz.robot.model import INERTIAL_NAMES, EffectValue, FlexibleModel
@@ -102,7 +103,8 @@ class IdentifiedRobot:
     @cached_property
     def inertial(self) -> Array:
         """(n, 10) inertial parameters about the joint frames, including the payload."""
-        return self.model.inertial + self.robot.payload_parameters(self.laws.bodies)
+        bodies = self.bodies if follows_goals(self.model) else self.laws.bodies
+        return self.model.inertial + self.robot.payload_parameters(bodies)
 
     @property
     def has_motors(self) -> bool:
@@ -150,7 +152,8 @@ class IdentifiedRobot:
             lines.insert(1, f"Fitted on {', '.join(groups)}" + (", refined" if self.document.refined else ""))
         carried = f"carries the payload {self.payload}" if self.payload else "carries no payload"
         lines.append(f"The robot {carried}.")
-        if mounted := mounting_text(self.laws.gravity):
+        gravity = self.robot.gravity if follows_goals(self.model) else self.laws.gravity
+        if mounted := mounting_text(gravity):
             lines.append(f"Mounting: {mounted}.")
         movable = (x.name for x in self.robot.description.joint_map.values() if x.type != "fixed")
         if locked := [name for name in movable if name not in self.joints]:
@@ -198,7 +201,10 @@ def identified_robot(
     """
     document = result if isinstance(result, ResultDocument) else result.document()
     check_payload(measurements, payload)
-    model = model_of(document, measurements.joints, file)
+    goals = any(effect.effect == GAIN for effect in document.all_effects)
+    model = (servo_of if goals else model_of)(document, measurements.joints, file)
+    if goals:
+        model = replace(model, inertial=measurements.robot.cad_parameters)
     verdict = document.final_verdict if diagnosis is None else diagnosis.verdict
     found = IdentifiedRobot(measurements, document, model, payload, verdict)
     warnings = list(remarks)
@@ -216,7 +222,7 @@ def identified_robot(
     if verdict is None and (lacking := lacks_effects(document)):
         warnings.append(lacking)
     found = replace(found, remarks=tuple(warnings))
-    assert found.laws  # checks the values, whatever the format
+    assert goals or found.laws  # checks the values, whatever the format
     return found
 
 
@@ -255,6 +261,22 @@ def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) 
         values.append(EffectValue(effect.effect, effect.joint, parameters, effect.group, effect.payload))
         _check_effect(values[-1], file)
     return FlexibleModel(tuple(joints), **vectors, inertial=inertial, effects=tuple(values))
+
+
+def servo_of(document: ResultDocument, joints: Sequence[str], file: str | Path) -> FlexibleModel:
+    """The model of joints that follow goals, whose masses are the robot's."""
+    given = {p.label: p.value for p in document.all_parameters}
+    try:
+        vectors = {name: np.array([given[f"{name}:{joint}"] for joint in joints]) for name in MOTOR_SIDE}
+    except KeyError as error:
+        raise InputError(f"parameter {error.args[0]} is missing", file=file) from None
+    effects = [
+        EffectValue(e.effect, e.joint, {name: float(v.value) for name, v in e.parameters.items()})
+        for e in document.all_effects
+    ]
+    n = len(joints)
+    rest = {"stiffness": np.full(n, np.inf), "link_viscous_friction": np.zeros(n)}
+    return FlexibleModel(tuple(joints), **rest, **vectors, inertial=np.zeros((n, 10)), effects=tuple(effects))
 
 
 def _check_effect(value: EffectValue, file: str | Path) -> None:

@@ -11,10 +11,12 @@ from flexviz.base.errors import InputError, choose_from
 from flexviz.base.files import named_errors, whole_folder
 from flexviz.base.names import names_of
 from flexviz.data.measurements import check_free, set_of
+from flexviz.model.servo import follows_goals
 from flexviz.outlets.exporting.code import c_code, python_code
 from flexviz.outlets.exporting.identified import FormatFiles, IdentifiedRobot, identified_robot
 from flexviz.outlets.exporting.mjcf import mjcf
 from flexviz.outlets.exporting.parameters import json_parameters, yaml_parameters
+from flexviz.outlets.exporting.servos import SERVO_FORMATS
 from flexviz.outlets.exporting.tables import tables
 from flexviz.outlets.exporting.urdf import urdf
 
@@ -49,16 +51,22 @@ class Exported:
     left_out: dict[str, tuple[str, ...]]
 
 
-def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
-    """The formats without duplicates, in the order of `FORMATS`; all if none is named.
+def check_formats(formats: Sequence[str], known: Sequence[str] | None = None) -> tuple[str, ...]:
+    """The formats without duplicates, in the order of the `known` ones; all of them if none is named.
 
     Raises:
         InputError: a format does not exist.
     """
+    known = (*FORMATS, *(name for name in SERVO_FORMATS if name not in FORMATS)) if known is None else known
     for name in formats:
-        if name not in FORMATS:
-            raise InputError(f'format "{name}" does not exist; {choose_from(name, FORMATS)}')
-    return tuple(name for name in FORMATS if not formats or name in formats)
+        if name not in known:
+            raise InputError(f'format "{name}" does not exist; {choose_from(name, known)}')
+    return tuple(name for name in known if not formats or name in formats)
+
+
+def formats_of(identified: IdentifiedRobot) -> dict[str, Callable[[IdentifiedRobot], FormatFiles]]:
+    """The formats that can hold a model: those of servos that follow goals, or those of torques."""
+    return SERVO_FORMATS if follows_goals(identified.model) else FORMATS
 
 
 def check_folder(folder: str | Path) -> Path:
@@ -77,11 +85,12 @@ def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str
     Raises:
         InputError: a format does not exist, the folder is not empty, or a format cannot hold the model.
     """
-    chosen = check_formats(formats)
+    made_by = formats_of(identified)
+    chosen = check_formats(formats, tuple(made_by))
     folder = check_folder(folder)
     if not formats and not identified.has_motors:
         chosen = tuple(name for name in chosen if name != "mjcf")  # which refuses such models
-    made = {name: FORMATS[name](identified) for name in chosen}
+    made = {name: made_by[name](identified) for name in chosen}
     with named_errors(folder), whole_folder(folder) as new:
         for name, content in ((n, c) for files in made.values() for n, c in files.contents.items()):
             (new / name).parent.mkdir(parents=True, exist_ok=True)
