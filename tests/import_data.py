@@ -192,3 +192,27 @@ def write_lerobot(folder: Path, episodes: Sequence[SimpleNamespace], version: st
 def lists(values: np.ndarray, kind: pa.DataType) -> pa.Array:
     """(N, k) as a column of lists."""
     return pa.array(values.tolist(), pa.list_(kind))
+
+
+def write_lerobot_goals(
+    folder: Path, episodes: Sequence[SimpleNamespace], version: str, joints: Sequence[str]
+) -> Path:
+    """A LeRobot dataset of goals and positions [deg], as teleoperated servo arms are recorded."""
+    names = [f"{joint}.pos" for joint in joints]
+    degrees = [
+        SimpleNamespace(time=e.time, theta=np.degrees(e.theta), tau=np.degrees(e.goal)) for e in episodes
+    ]
+    out = write_lerobot(folder, degrees, version, names)
+    for file in (folder / "data").rglob("*.parquet"):
+        table = papq.read_table(file)
+        papq.write_table(
+            table.rename_columns([{"observation.effort": "action"}.get(n, n) for n in table.column_names]),
+            file,
+        )
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    action = info["features"].pop("observation.effort")
+    for feature in (action, info["features"]["observation.state"]):
+        feature |= {"shape": [len(joints)], "names": names}
+    info["features"]["action"] = action
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    return out
