@@ -9,8 +9,10 @@ from flexviz.base.arrays import Array, Bools
 STEPS = 3  # times the number of unknowns: steps before it gives up
 
 
-def nonnegative_least_squares(a: Array, b: Array) -> tuple[Array, float]:
+def nonnegative_least_squares(a: Array, b: Array, begin: Bools | None = None) -> tuple[Array, float]:
     """x ≥ 0 of least |A x − b|, and this norm, for A of shape (M, P) and b of shape (M,).
+
+    `begin` (P,): unknowns that are probably positive; default: all.
 
     An unknown is freed as long as that lowers the norm; a step to the least squares of the free ones ends at
     the first that reaches zero (Lawson, Hanson: Solving Least Squares Problems, 1974, chapter 23). It starts
@@ -18,7 +20,8 @@ def nonnegative_least_squares(a: Array, b: Array) -> tuple[Array, float]:
     would load 24 MB for it.
     """
     size = a.shape[1]
-    x, free, in_vain = np.zeros(size), np.ones(size, bool), np.zeros(size, bool)
+    x, in_vain = np.zeros(size), np.zeros(size, bool)
+    free = np.ones(size, bool) if begin is None else begin.copy()
     while free.any() and not ((x := _of_free(a, b, free))[free] > 0.0).all():
         free &= x > 0.0
         x = np.zeros(size)

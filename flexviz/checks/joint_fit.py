@@ -36,6 +36,12 @@ class Band:
     r: Array  # (≤ P + 1, P + 1) R of the columns and of τ, which has unit length
     power: float  # of τ [(Nm)²], summed over the instants
 
+    @property
+    def least_left_of_any(self) -> float:
+        """The share of τ that no masses, inertia and friction of any sign explain."""
+        rows, columns = self.r.shape
+        return float(self.r[-1, -1] ** 2) if rows == columns else 0.0
+
     @cached_property
     def least_left(self) -> float:
         """The share of τ that no masses, inertia and friction explain, if they are not negative."""
@@ -93,14 +99,16 @@ def fit_joint(bands: list[Band], swings: Array, inertia: float, free: bool) -> J
     u, x, left = np.zeros(3), np.zeros(count), np.ones(len(bands))
     largest = max(LIMITS.motor_inertia * inertia * scale * size[0], 1e-12)
     system, goal = np.zeros((len(y) + 4, 3 + count)), np.zeros(len(y) + 4)
-    places = np.arange(4)
+    places, free_ones = np.arange(4), None
     for _ in range(STEPS):
         weight = np.repeat(np.sqrt(swings / ((left + LIMITS.model_error) * share)), rows)
         system[: len(y)] = weight[:, None] * np.column_stack([masses * (np.exp(u) * scale), others])
         goal[: len(y)] = weight * y
         system[len(y) + places, places] = 1.0 / np.append(spread, largest)
         goal[len(y) : -1] = (1.0 - u) / spread
-        found = nonnegative_least_squares(system, goal)[0]  # s is multiplied by 1 + the step of ln s
+        # s is multiplied by 1 + the step of ln s
+        found = nonnegative_least_squares(system, goal, free_ones)[0]
+        free_ones = found > 0.0
         step, x = np.minimum(found[:3] - 1.0, 1.0), found[3:]
         u = np.clip(u + step, -6.0, 6.0)
         rest = np.square(masses @ np.exp(u) * scale + others @ x - y)

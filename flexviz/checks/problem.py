@@ -6,6 +6,7 @@ says to be wrong. Moves are tried jointly: what helps on different joints is als
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 
@@ -120,14 +121,19 @@ class Readings:
         case = Case(self.mapping, comparison, model.reading, self.payloads_known)
         every = [model.with_(move) for move in moves(case) if self._worth(move, model, room)]
         spare = comparison.bound(model.reading, few=False) - comparison.bound(model.reading)
-        least = [self._cost(other) - comparison.bound(other.reading) - spare for other in every]
-        tried: list[Found] = []
-        most = self.score(model).total
+        most, tried = self.score(model).total, list[Found]()
+
+        def least_of(other: Found, quick: bool = False) -> float:
+            return self._cost(other) - comparison.bound(other.reading, quick=quick) - spare
+
+        every = [other for other in every if least_of(other, quick=True) <= most + ALIKE]
+        least = [least_of(other) for other in every]
+        best: list[float] = []  # totals of those that were tried, in order
         for i in np.argsort(least):
             if least[i] > most + ALIKE:
                 break
             tried.append(every[i])
-            best = sorted(self.score(other).total for other in tried)
+            insort(best, self.score(every[i]).total)
             most = min([most, *best[FOLLOWED - 1 : FOLLOWED]])
         self._promising[model.parts] = tried
         return tried

@@ -164,14 +164,18 @@ class Comparison:
             result.append(self._r[key])
         return result
 
-    def bound(self, reading: Reading, few: bool = True) -> float:
-        """What a score cannot exceed; from a few of the instants up to a common constant, and hardly."""
+    def bound(self, reading: Reading, few: bool = True, quick: bool = False) -> float:
+        """What a score cannot exceed; from a few of the instants up to a common constant, and hardly.
+
+        `quick`: a larger bound that takes less time.
+        """
         total = np.sum(reading.free) * UNKNOWN_SIZE + self.penalty(reading)
         for bands, column in zip(
             (self._few if few else self)._reduced(reading), reading.tau_order, strict=True
         ):
             for band, swings in zip(bands, self.swings[column], strict=False):
-                total -= 0.5 * swings * np.log(band.least_left + LIMITS.model_error)
+                left = band.least_left_of_any if quick else band.least_left
+                total -= 0.5 * swings * np.log(left + LIMITS.model_error)
         return float(total)
 
     @cached_property

@@ -48,6 +48,8 @@ def test_nonnegative_least_squares_against_scipy(kind):
         assert (x >= 0).all()
         assert left == pytest.approx(np.linalg.norm(a @ x - b), abs=1e-12)
         assert left == pytest.approx(nnls(a, b)[1], abs=1e-11)
+        _, from_some = nonnegative_least_squares(a, b, rng.random(size) < 0.5)
+        assert from_some == pytest.approx(left, abs=1e-11)
         if kind == "no larger than zero":
             assert not x.any()
 

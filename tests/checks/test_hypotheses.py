@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from flexviz.base.progress import Progress
-from flexviz.checks import Case, Fault, contradictions, issues_of_set
+from flexviz.checks import Case, Comparison, Fault, contradictions, issues_of_set
 from flexviz.checks.reading import Reading
 from flexviz.content.wording import issue_text
-from flexviz.data.measurements import MeasurementSet
+from flexviz.data.measurements import GroupTable, MeasurementSet
 
 
 def test_a_payload_that_one_group_carried_and_nobody_stated(demo: MeasurementSet) -> None:
@@ -20,6 +20,19 @@ def test_a_payload_that_one_group_carried_and_nobody_stated(demo: MeasurementSet
     (issue,) = issues_of_set(replace(demo, groups=groups))
     assert (issue.kind, issue.severity, issue.values["groups"]) == ("payload", "odd", (carried.name,))
     assert issue.values["mass"] == pytest.approx(sum(body.mass for body in carried.bodies), rel=0.25)
+
+
+def test_no_reading_is_more_probable_than_its_bounds(demo: MeasurementSet) -> None:
+    """Moves that a bound excludes are not computed, and the quick one excludes no other."""
+    comparison = Comparison(demo.robot, [(g.bodies, GroupTable.of(g)) for g in demo.groups])
+    start = comparison.stated
+    readings = [
+        start, replace(start, sign=-start.sign), replace(start, gravity=False),
+        replace(start, size=3.0 * start.size), replace(start, tau_order=start.tau_order[::-1]),
+    ]  # fmt: skip
+    for reading in readings:
+        bound = comparison.bound(reading, few=False)
+        assert comparison.score(reading) <= bound <= comparison.bound(reading, few=False, quick=True)
 
 
 def test_a_kind_of_fault_is_one_file(monkeypatch: pytest.MonkeyPatch, demo: MeasurementSet) -> None:

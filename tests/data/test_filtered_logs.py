@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.signal_checks import FILTERS, Low, butterworth, low_passed, main
+from benchmarks.signal_checks import FILTERS, Low, butterworth, exponential, low_passed, main
 from flexviz.base.resources import sessions_dir
 from flexviz.data.measurements import MeasurementSet, Segment, read_set
 from flexviz.data.noise import filtered_before_writing
@@ -77,6 +77,49 @@ def test_joints_at_rest_short_and_constant_signals_are_no_filter() -> None:
     assert np.isnan(filtered_before_writing(segments).tau).all()
     short = [replace(s, time=s.time[:40], theta=s.theta[:40], tau=s.tau[:40]) for s in segments]
     assert filtered_before_writing(short).hertz is None
+
+
+def friction_log(count: float, jitter: float = 0.0, filtered: bool = False) -> list[Segment]:
+    """A servo with dry friction: its torque falls as behind a first-order filter."""
+    rng, segments = np.random.default_rng(0), []
+    for k in range(4):
+        even = np.arange(0, 8, 1 / 200)
+        time = even + jitter * rng.uniform(-1, 1, len(even))
+        theta = 0.2 * np.sin((1 + 0.3 * k) * time)
+        tau = butterworth(
+            3 * np.sign(np.cos((1 + 0.3 * k) * time))[:, None],
+            200.0,
+            4.0,
+        ).ravel()
+        tau = np.cumsum(rng.standard_normal(len(time))) * 3e-3 + tau
+        y = np.column_stack([theta, tau])
+        if filtered:
+            y = exponential(y, 200.0, 5.0)
+        y[:, 0] = np.round(y[:, 0] / count) * count
+        y = np.column_stack([np.interp(even, time, column) for column in y.T])
+        segments.append(Segment(even, y[:, :1], y[:, 1:], 1 / 200))
+    return segments
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-4])
+def test_an_angle_in_counts_is_not_filtered(jitter: float) -> None:
+    """Of a torque that falls as behind a first-order filter only the angle tells; digits tell nothing."""
+    assert filtered_before_writing(friction_log(1e-7, jitter)).hertz is not None
+    assert filtered_before_writing(friction_log(2 * np.pi / 4096, jitter)).hertz is None
+    assert filtered_before_writing(friction_log(1e-3, jitter, filtered=True)).hertz is not None
+
+
+def test_white_noise_above_the_motion_is_not_filtered() -> None:
+    """Slow sampling: the motion reaches into the bands that are compared, the noise above it is white."""
+    segments = log(noise=1e-3)
+    for segment in segments:
+        segment.tau[:] = butterworth(segment.tau, RATE, 30.0)
+    filtered = filtered_before_writing(segments)
+    assert filtered.hertz is not None
+    rng = np.random.default_rng(0)
+    for segment in segments:
+        segment.tau[:] += 1e-3 * segment.tau.std(axis=0) * rng.standard_normal(segment.tau.shape)
+    assert filtered_before_writing(segments).hertz is None
 
 
 def test_one_filtered_torque_is_not_a_filtered_log() -> None:

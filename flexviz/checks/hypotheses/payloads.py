@@ -63,11 +63,11 @@ def _likely_mass(case: Case, group: int) -> float:
 
     least = float(np.sum(case.comparison.robot.cad_parameters[:, 0])) * LEAST
     ratio = (LARGEST / LEAST) ** (1 / (TRIED - 1))
-    best = max((least * ratio**k for k in range(TRIED)), key=score)
+    scored = {mass: score(mass) for mass in (least * ratio**k for k in range(TRIED))}
     for _ in range(HALVINGS):
-        ratio = np.sqrt(ratio)
-        best = max((best, best * ratio, best / ratio), key=score)
-    return float(best)
+        ratio, best = np.sqrt(ratio), max(scored, key=scored.__getitem__)
+        scored |= {mass: score(mass) for mass in (best * ratio, best / ratio)}
+    return float(max(scored, key=scored.__getitem__))
 
 
 def _carrying(now: Reading, mass: float, group: int) -> Reading:

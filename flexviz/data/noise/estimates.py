@@ -38,10 +38,10 @@ def _white_noise(column: Array) -> float:
     rounding = THRESHOLDS.rounding * float(np.max(np.abs(y)))
     if robust <= rounding:
         robust = _spread(difference, rounding)
-    return float(max(np.sqrt(held) * robust / DIFFERENCE_GAIN, UNIFORM * _count(column)))
+    return float(max(np.sqrt(held) * robust / DIFFERENCE_GAIN, UNIFORM * count_of(column)))
 
 
-def _count(y: Array) -> float:
+def count_of(y: Array) -> float:
     """The count of which the steps of a column (N,) are multiples; zero if they are not."""
     steps = np.abs(np.diff(y))
     steps = steps[steps > THRESHOLDS.rounding * float(np.max(np.abs(y)))]

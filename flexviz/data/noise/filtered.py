@@ -3,7 +3,8 @@
 Sensor noise is white up to half the sampling rate, whatever the robot does. Behind a low-pass it falls with
 the frequency, at least as behind one of first order, or below what any sensor resolves. A position falls
 without a filter, too, where the encoder shows the motor's own vibration: there it counts only with the
-torques.
+torques. Two things contradict a filter: a position in the counts of its encoder, and noise that is white
+above the cut-off and larger than the digits that were written.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from flexviz.base.arrays import Array, Bools
 from flexviz.data.measurements import Segment
-from flexviz.data.noise.estimates import resolution
+from flexviz.data.noise.estimates import UNIFORM, count_of, resolution
 from flexviz.data.noise.repeats import repeats_of
 from flexviz.data.noise.thresholds import THRESHOLDS
 
@@ -28,6 +29,7 @@ WINDOWS = 200  # that suffice for a median
 SHORT, LONG = 0.25, 2.0  # [s] of a window: short ones without reversals, and those that resolve 2 Hz
 FEWEST, MOST = 64, 4096  # samples of a window
 SAME_RATE = 0.05  # relative difference of rates that are the same
+ENOUGH = 20_000  # samples that show the digits with which a column was written
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +65,58 @@ def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     falls = tau.falls
     log_falls = bool(np.isfinite(falls).any()) and float(np.nanmedian(falls)) > THRESHOLDS.first_order
     torques = (tau.high < finest[1]) | (log_falls & (falls > THRESHOLDS.falling))
-    positions = (theta.high < finest[0]) | (torques & (theta.falls > THRESHOLDS.falling))
     steep = (tau.high < finest[1]) | (falls > THRESHOLDS.steep)
+    counted = _in_counts(segments)
+    # dry friction in counts falls as behind a first-order filter
+    torques &= ~(tau.white & (tau.high > _written(segments, finest[1]))) & (steep | ~counted)
+    positions = (theta.high < finest[0]) | (torques & (theta.falls > THRESHOLDS.falling) & ~counted)
     return FilteredLog(
         certain=bool(2 * np.count_nonzero(steep) > len(steep)),
         theta=_content(segments, "theta", positions, THRESHOLDS.position_content * finest[0]),
         tau=_content(segments, "tau", torques, THRESHOLDS.torque_content * finest[1]),
     )
+
+
+def _written(segments: Sequence[Segment], finest: Array) -> Array:
+    """Level of the noise that the digits of torques leave with which they were written, shape (n,) [Nm]."""
+    torques = np.concatenate([s.tau for s in segments])
+    digits = np.array([count_of(column) for column in torques[:ENOUGH].T])
+    return np.maximum(finest, 2 * UNIFORM * digits)
+
+
+def _in_counts(segments: Sequence[Segment]) -> Bools:
+    """Which positions are still in the counts of their encoder, shape (n,): steps are multiples of one.
+
+    No filter's output has such steps, but for a power of ten [rad], [°]: the digits that were written.
+    """
+    found = []
+    for j in range(segments[0].theta.shape[1]):
+        parts = [(s.theta[:, j], s.step) for s in segments]
+        count = count_of(np.concatenate([y for y, _ in parts])[:ENOUGH]) or _standing_count(parts)
+        digits = np.log10([count, np.degrees(count)]) if count > 0 else np.zeros(2)
+        found.append(bool(np.all(np.abs(digits - np.round(digits)) > THRESHOLDS.off_count)))
+    return np.array(found)
+
+
+def _standing_count(parts: Sequence[tuple[Array, float]]) -> float:
+    """The count of a position that stands between two of them in motion, 0.0 of one that does not.
+
+    `parts`: (N,) each, and their steps [s]. Standing values remain where a jittering clock was resampled.
+    """
+    standing, samples, values = 0, 0, list[Array]()
+    for y, step in parts:
+        still = np.abs(np.diff(y)) <= THRESHOLDS.rounding * float(np.max(np.abs(y)))
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], still, [0]))))
+        first, last = edges[::2], edges[1::2]
+        short = (last - first) * step < THRESHOLDS.standing
+        standing += int(np.sum((last - first)[short]))
+        samples += len(y) - int(np.sum((last - first)[~short]))
+        values.append(y[first[short]])
+    if standing <= (1 - THRESHOLDS.held_regularly) * samples:
+        return 0.0
+    steps = np.diff(np.unique(np.concatenate(values)))
+    steps = steps[steps > THRESHOLDS.position_resolution]
+    return float(np.quantile(steps, THRESHOLDS.count_quantile, method="lower")) if len(steps) else 0.0
 
 
 def _content(segments: Sequence[Segment], name: str, filtered: Bools, least: Array) -> Array:
@@ -143,6 +190,14 @@ class _Spectrum:
     def falls(self) -> Array:
         """By which factor the level falls from about a twelfth to a quarter of the rate, shape (n,)."""
         return self._mean(*LOWER) / np.maximum(self.high, 1e-300)
+
+    @property
+    def white(self) -> Bools:
+        """Which levels are nearer to white noise than to what a first-order filter leaves, shape (n,)."""
+        middle = sum(HIGH) / 2
+        lower, upper = self._mean(HIGH[0], middle), self._mean(middle, HIGH[1])
+        first_order = np.sin(np.pi * (middle + HIGH[1]) / 2) / np.sin(np.pi * (HIGH[0] + middle) / 2)
+        return lower < np.sqrt(first_order) * upper
 
     def _mean(self, low: float, high: float) -> Array:
         band = (self.frequency >= low) & (self.frequency <= high)
