@@ -2,8 +2,8 @@
 
     python -m benchmarks.servos [--sets 60] [--seed 1] [--json FILE]
 
-One joint, a planar arm and the SO-101 (where ../shared is beside the project); 0 to 3 hidden effects on random
-joints, or on none; with and without a mass that gives torques a scale.
+One joint, a planar arm and the SO-101 (where ../shared is beside the project); 0 to 3 hidden effects on
+random joints, or on none; with and without a mass that gives torques a scale.
 """
 
 from __future__ import annotations
@@ -188,9 +188,9 @@ def main() -> None:
             cases.append(case)
             missed, false = set(case.hidden) - set(case.named), set(case.named) - set(case.hidden)
             print(
-                f"{case.robot:9s} {case.seed} hidden {len(case.hidden)} missed {sorted(missed)} false {sorted(false)} "
-                f"{case.verdict}, {case.last}; inside {sum(case.inside)} of {len(case.inside)}; {case.seconds:.0f} s; "
-                f"gain × {case.scale:.2f}",
+                f"{case.robot:9s} {case.seed} hidden {len(case.hidden)} missed {sorted(missed)} "
+                f"false {sorted(false)} {case.verdict}, {case.last}; inside {sum(case.inside)} of "
+                f"{len(case.inside)}; {case.seconds:.0f} s; gain × {case.scale:.2f}",
                 flush=True,
             )
     hidden = sum(len(c.hidden) for c in cases)
@@ -199,8 +199,8 @@ def main() -> None:
     inside = [one for c in cases for one in c.inside]
     clean = [c for c in cases if not c.hidden]
     print(
-        f"{len(cases)} sets: {named} of {hidden} named, {false} false; inside {np.mean(inside):.3f} of {len(inside)}; "
-        f"clean with nothing missing: {sum(c.verdict == 'nothing-missing' for c in clean)} of {len(clean)}"
+        f"{len(cases)} sets: {named} of {hidden} named, {false} false; inside {np.mean(inside):.3f} of "
+        f"{len(inside)}; clean with nothing missing: {sum(c.verdict == 'nothing-missing' for c in clean)} of {len(clean)}"
     )
     if given.json:
         given.json.write_text(json.dumps([c.__dict__ for c in cases], default=str, indent=1))

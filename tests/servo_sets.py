@@ -8,10 +8,8 @@ from flexviz.data.measurements import MeasurementSet
 from tests.independent.servo_simulator import PENDULUM, Servo, random_goals, simulated
 
 
-def pendulum_set(
-    folder: Path, servo: Servo, axis: str = "0 1 0", seconds: float = 12.0
-) -> MeasurementSet:
-    """Two motions to fit and one held out, recorded at 100 Hz; about an upright axis gravity shows nothing."""
+def pendulum_set(folder: Path, servo: Servo, axis: str = "0 1 0", seconds: float = 12.0) -> MeasurementSet:
+    """Two motions to fit and one held out, at 100 Hz; about an upright axis gravity shows nothing."""
     urdf = folder / "pendulum.urdf"
     urdf.write_text(PENDULUM.format(mass=0.6, i=2e-4, axis=axis), encoding="utf-8")
     runs = {

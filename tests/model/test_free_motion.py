@@ -15,8 +15,8 @@ def motion(goal: np.ndarray, inertia: float = 0.03, load: float = 0.0) -> Driven
     shape = (len(goal), 1, 1)
     zero = np.zeros(shape)
     return DrivenMotion(
-        np.array([STEP]), np.ones(1), goal.reshape(shape), zero, zero + load, zero, zero + inertia, zero + load,
-        np.zeros((1, 1)), np.ones(shape, bool), np.zeros(1, int), np.zeros(1, int),
+        np.array([STEP]), np.ones(1), goal.reshape(shape), zero, zero + load, zero, zero + inertia,
+        zero + load, np.zeros((1, 1)), np.ones(shape, bool), np.zeros(1, int), np.zeros(1, int),
     )  # fmt: skip
 
 
