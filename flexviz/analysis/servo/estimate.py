@@ -60,11 +60,12 @@ class ServoEstimate:
         """(U, U) of the unknowns as they are fitted.
 
         Of each unknown the larger variance of two counts: from the independent samples, and from how much the
-        stretches disagree, which includes what the model lacks.
+        stretches disagree, which includes what the model lacks; and what even right laws leave.
         """
         found = self.slopes
         inverse = np.linalg.pinv(found.hessian, hermitian=True)
-        wider = np.sqrt(np.maximum(found.spread() / np.maximum(np.diag(inverse), 1e-300), 1.0))
+        own = np.maximum(np.diag(inverse), 1e-300)
+        wider = np.sqrt((np.maximum(found.spread(), own) + found.tolerated) / own)
         return inverse * np.outer(wider, wider)
 
     def std(self, p: int, j: int) -> float:

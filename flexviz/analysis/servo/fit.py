@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flexviz.analysis.motion import MOTION
 from flexviz.base.arrays import Array, Bools
 from flexviz.model.servo import LOG, SHARED, SIZE, TURN, DrivenMotion, free_motion
 
@@ -259,6 +260,7 @@ class Slopes:
         hessians: (C, U, U) of each stretch of the fit groups, or of a group's stretches together.
         scores: (C, U) their gradients.
         group: (C,) to which they belong.
+        tolerated: (U,) variance that a systematic error of the size that right laws leave may cause.
     """
 
     place: Array
@@ -266,18 +268,12 @@ class Slopes:
     hessians: Array
     scores: Array
     group: Array
+    tolerated: Array
 
     @property
     def hessian(self) -> Array:
         """(U, U) of the objective [nats]."""
         return self.prior + self.hessians.sum(axis=0)
-
-    def by_group(self) -> Slopes:
-        """The same of whole groups."""
-        names = np.unique(self.group)
-        parts = [(part[self.group == g].sum(axis=0) for g in names) for part in (self.hessians, self.scores)]
-        hessians, scores = (np.array(list(part)) for part in parts)
-        return Slopes(self.place, self.prior, hessians, scores, names)
 
     def spread(self) -> Array:
         """(U,) variance of the unknowns as the parts disagree (a sandwich over them)."""
@@ -306,4 +302,20 @@ def slopes_at(data: ServoData, free: Bools, values: Array, weight: Array) -> Slo
         slope = (theta[np.array(at) + 1, :, j] - theta[0, :, j]) * one.used[:, j] / shift  # (U, T, C)
         scores[:, to] += scale[j] * np.einsum("utc,tc->cu", slope, away[:, j])
         hessians[:, to[:, None], to] += scale[j] * np.einsum("utc,vtc->cuv", slope, slope, optimize=True)
-    return Slopes(one.place, hessian - hessians.sum(axis=0), hessians, scores, data.own.group)
+    whole = hessians.sum(axis=0)
+    return Slopes(one.place, hessian - whole, hessians, scores, data.own.group, _tolerated(one, whole))
+
+
+def _tolerated(one: _Descent, hessian: Array) -> Array:
+    """(U,) variance of each unknown by an error of its own form, a share of the following error.
+
+    Such an error is the same in every sample, so that more of them do not average it.
+    """
+    motion, variance = one.motion, one.best[1]
+    following = np.square(motion.goal - motion.theta) * motion.used
+    share = MOTION.tolerance**2 * following.sum(axis=(0, 2)) / one.count / variance * one.weight  # (n,)
+    out = np.zeros(len(hessian))
+    for p, j in zip(*np.nonzero(one.place >= 0), strict=True):
+        at = one.place[p, j]
+        out[at] = max(out[at], share[j] / max(hessian[at, at], 1e-300))
+    return out
