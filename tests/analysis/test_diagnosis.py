@@ -84,7 +84,7 @@ def test_json_is_the_contract(diagnosed_demo: Diagnosis) -> None:
 def test_words(diagnosed_demo: Diagnosis) -> None:
     said = diagnosed_demo.summary().splitlines()
     assert said[0].startswith("Missing: Coulomb friction on joint2: > 99 % of the error")
-    assert said[1].startswith("  1. coulomb_friction on joint2: coulomb ")
+    assert said[1].startswith("  1. Coulomb friction on joint2 (coulomb_friction): coulomb ")
     assert any("nothing-missing" in line for line in said)
 
 
@@ -213,5 +213,5 @@ def test_without_apply_the_terminal_says_how_to_add_what_is_missing(
     assert main(["diagnose", str(sessions_dir() / "planar-2r-demo")]) == 0
     said = capsys.readouterr()
     assert "Missing: Coulomb friction on joint2" in said.out and "of the last model" not in said.out
-    assert "error of the present model [Nm]" in said.out
+    assert "model 0" in said.out and "mNm" in said.out
     assert said.err.splitlines()[-1].endswith("see how the error falls, use --apply")

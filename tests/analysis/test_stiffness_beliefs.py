@@ -129,7 +129,7 @@ def test_a_motor_side_that_the_link_encoder_excludes_is_not_trusted(demo: Measur
     one, two = found.link_side
     assert not one.agrees and two.agrees
     text = found.summary(200)
-    assert "by link encoder" in text and text.count("do not trust the motor side") == 1
+    assert "link encoder (95 % interval)" in text and text.count("do not trust the motor side") == 1
 
 
 def test_without_link_encoders_nothing_is_said(demo: MeasurementSet) -> None:

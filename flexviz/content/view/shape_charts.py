@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import welch
 
 from flexviz.analysis.identification import Identification
 from flexviz.base.arrays import Array
@@ -60,6 +59,8 @@ def _spectra(name: str, lines: list[Line]) -> Chart:
     series, top = [], 0.0
     for label, colour, when, values in lines:
         width = min(len(at), round(LONGEST_WINDOW / step))
+        from scipy.signal import welch  # late: a terminal has no use for it
+
         hertz, power = welch(np.interp(at, when, values), 1.0 / step, nperseg=width)
         inside = (hertz > 0) & (hertz <= HIGHEST_DRAWN)
         hertz, density = hertz[inside], np.sqrt(power[inside])

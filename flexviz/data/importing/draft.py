@@ -25,8 +25,8 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 # Every key: docs/importing.md. torque_hold, [initial], [controller] and [model] of a set may stand here too.
 """
 SERVO_EXAMPLE = [
-    "# kp = […]  # [Nm/rad] gains of the servos, where they are known; else they are estimated",
-    '# same = [["…", "…"]]  # joints that have the same servo and settings share its values',
+    "# kp = […]  # [Nm/rad] known gains",
+    '# same = [["…", "…"]]  # alike servos',
 ]
 PAYLOAD_EXAMPLE = [
     "# [payloads.p1]  # mass [kg], com [m] and inertia [kg m²] in the link's frame",

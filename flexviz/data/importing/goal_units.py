@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexviz.base.facts import Fact
 from flexviz.data.importing.draft import Draft
 from flexviz.data.logs import ANGLE
 from flexviz.data.measurements import Array, GroupTable
@@ -50,4 +51,4 @@ def state_units(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> Non
             if offset[j]:
                 table["offset"] = round(float(offset[j]), 6)
             if name != "rad":
-                draft.joints[joint].comment(signal, "the unit in which all joints stay within their limits")
+                draft.joints[joint].comment(signal, Fact("unit-by-limits").text)

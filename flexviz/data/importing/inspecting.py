@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.checks import Issue
 from flexviz.data.importing.correcting import correct
@@ -265,9 +266,9 @@ def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bo
         signed = any(np.nanmin(log.columns[c].columns[c]) < 0 for c in torque.columns.values())
         if torque.meaning.quantity != "current" or signed or torque.stated.get("sign_bit") is not None:
             return False
-        seen.append(f"  {torque.name} is a current without a sign, which is no torque")
+        seen.append(f"  {Fact('unsigned-current', columns=(torque.name,))}")
         del roles["tau"]
-    seen.append(f"  what drives the joints: the goals {roles['theta_ref'].name}, [drive]")
+    seen.append(f"  {Fact('goals-drive', columns=(roles['theta_ref'].name,))}")
     return True
 
 
@@ -296,7 +297,7 @@ def fill_joints(
         for name in (name for name in draft.needed if name not in roles):
             entry.comment(name, f'missing: {{ from = "column" }}; {STUBS[name]}')
     if not draft.joints:
-        draft.missing.append(f"no joint has both {' and '.join(TITLES[name] for name in draft.needed)}")
+        draft.missing.append(f"no joint has {' and '.join(TITLES[name] for name in draft.needed)}")
 
 
 def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Questions) -> None:

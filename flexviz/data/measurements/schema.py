@@ -274,9 +274,9 @@ def check_names(content: MeasurementFile, file: Path) -> None:
     if twice := first_repeated(group.name for group in content.groups):
         refuse("groups", f'two groups are called "{twice}", expected a different name for each')
     for effect in content.model.effects:
-        from flexviz.model.effects import known_names
+        from flexviz.model.effects import GOAL_EFFECT_NAMES, known_names
 
-        if effect not in known_names():
+        if effect not in (*known_names(), *(GOAL_EFFECT_NAMES if content.drive else ())):
             meant = choose_from(effect, known_names(), limit=len(known_names()))
             own = "load a user-defined effect with --effects-from FILE"
             refuse("model.effects", f'effect "{effect}" is not known; {meant}; {own}')

@@ -9,6 +9,7 @@ from flexviz.model.effects.law import LawEffect, LinearEffect, LoadedEffect
 from flexviz.model.effects.names import (
     EFFECT_FAMILIES,
     EFFECT_NAMES,
+    GOAL_EFFECT_NAMES,
     family_of,
     is_user_defined,
     kin,
@@ -38,6 +39,7 @@ __all__ = [
     "EFFECT_FAMILIES",
     "EFFECT_NAMES",
     "FREE_CURVE_DIRECTIONS",
+    "GOAL_EFFECT_NAMES",
     "SIGN_VELOCITY",
     "ChosenEffect",
     "Context",

@@ -68,7 +68,7 @@ def is_user_defined(name: str) -> bool:
 
 def known_names() -> tuple[str, ...]:
     """The names of the library's and of the user-defined effects."""
-    return (*EFFECT_NAMES, *USER_NAMES, *GOAL_EFFECT_NAMES)
+    return (*EFFECT_NAMES, *USER_NAMES)
 
 
 def family_of(effect: str) -> str | None:

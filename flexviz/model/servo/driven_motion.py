@@ -7,8 +7,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from flexviz.base.arrays import Array, Bools
 from flexviz.data.measurements import Group
@@ -102,6 +100,9 @@ def _masses(
     link: LinkDynamics, parameters: Array, theta: Array, step: float, about: Array | None
 ) -> tuple[Array, ...]:
     """rest, slope, own, load and speed of `DrivenMotion` along measured angles (N, n), each (N, n)."""
+    from scipy.interpolate import make_interp_spline  # late: other sets have no use for it
+    from scipy.signal import butter, sosfiltfilt
+
     time = np.arange(len(theta)) * step
     low_pass = butter(ORDER, min(2 * BAND * step, 0.9), output="sos")
     known = np.zeros_like(theta) if about is None else about

@@ -43,3 +43,21 @@ def left(fact: Fact) -> str:
     return (
         f"the motion of {listed(list(fact.joints))} differs from the model's by more than the encoder's noise"
     )
+
+
+@says("unsigned-current")
+def unsigned_current(fact: Fact) -> str:
+    """Why a log's current is not its torque."""
+    return f"{fact.columns[0]} is a current without a sign, which is no torque"
+
+
+@says("goals-drive")
+def goals_drive(fact: Fact) -> str:
+    """What stands in for a torque."""
+    return f"what drives the joints: the goals {fact.columns[0]}, [drive]"
+
+
+@says("unit-by-limits")
+def unit_by_limits(fact: Fact) -> str:
+    """How the unit of angles without a torque was found."""
+    return "the unit in which all joints stay within their limits"
