@@ -7,7 +7,7 @@ from flexviz.checks import hypotheses  # registers what may be wrong
 from flexviz.checks.columns import check_optional_columns
 from flexviz.checks.faults import HYPOTHESES, Case, Fault, hypothesis
 from flexviz.checks.groups import check_groups
-from flexviz.checks.issues import Issue, Severity
+from flexviz.checks.issues import Issue, Severity, with_sliding
 from flexviz.checks.references import check_references
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.sets import (
@@ -38,4 +38,5 @@ __all__ = [
     "plausibility_warnings",
     "recording_entries",
     "with_plausibility_warnings",
+    "with_sliding",
 ]

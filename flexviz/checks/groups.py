@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from flexviz.checks.columns import check_optional_columns
-from flexviz.checks.issues import Issue, Severity
+from flexviz.checks.issues import Issue, Severity, with_sliding
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.thresholds import LIMITS
 from flexviz.checks.torques import check_torques
@@ -39,7 +39,7 @@ def check_groups(
         signals = ("theta", "tau") if issue.kind == "swapped" else ("theta",)
         if not any((issue.joints[0], signal) in known for signal in signals):
             found.append(issue)
-    return found
+    return with_sliding(found, robot)
 
 
 def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:

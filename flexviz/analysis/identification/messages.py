@@ -9,6 +9,7 @@ import numpy as np
 from flexviz.analysis.identification.plain_fit import PlainFit
 from flexviz.analysis.identification.result import Identification
 from flexviz.base.facts import Fact, Remedy
+from flexviz.base.units import joint_units
 from flexviz.data.measurements import Group, MeasurementSet, silent_joints
 from flexviz.robot.model import FlexibleModel
 
@@ -51,6 +52,7 @@ def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:
             "upper": tuple(one.upper if np.isfinite(one.upper) else None for one in found),
             "tolerance": tuple(one.tolerance for one in found),
             "rows": tuple(one.rows for one in found),
+            "units": joint_units("Nm", (measurements.robot.prismatic[one.joint] for one in found)),
         }
         joints = tuple(measurements.joints[one.joint] for one in found)
         yield Fact("torque-saturated", "odd", joints, values=limits)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.checks import Issue, check_groups, check_references
+from flexviz.checks import Issue, check_groups, check_references, with_sliding
 from flexviz.data.importing.samples import SPOILT, check_samples, without_stretches
 from flexviz.data.logs import AssembledGroup, Mapping, Proposal
 from flexviz.data.measurements import (
@@ -51,12 +51,11 @@ def check_all(
     found += [issue for issue in samples if issue.kind not in SPOILT]
     quiet = {joint for issue in silent for joint in issue.joints}
     told = [issue for issue in found if issue.kind != "unexplained" or not quiet.issuperset(issue.joints)]
-    return [
-        *told,
-        *silent,
+    others = (
         *check_references(mapping, [group.table for group in groups]),
         *check_saturated(mapping, groups),
-    ]
+    )
+    return with_sliding([*told, *silent, *others], robot)
 
 
 def _without_torques(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[AssembledGroup]:

@@ -22,7 +22,8 @@ def no_torque(fact: Fact) -> str:
 def torque_saturated(fact: Fact) -> str:
     """Joints whose torque stands at a limit."""
     names = ("lower", "upper", "tolerance", "rows")
-    columns = zip(fact.joints, *(fact.values[name] for name in names), strict=True)
+    units = fact.values.get("units") or ("Nm",) * len(fact.joints)
+    columns = zip(fact.joints, *(fact.values[name] for name in names), units, strict=True)
     each = (
         f"tau of {joint} {stands_text(-inf if low is None else low, inf if high is None else high, *rest)}"
         for joint, low, high, *rest in columns
