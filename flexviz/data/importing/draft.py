@@ -25,7 +25,7 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 # Every key: docs/importing.md. torque_hold, [initial], [controller] and [model] of a set may stand here too.
 """
 SERVO_EXAMPLE = [
-    "# kp = […]  # [Nm/rad]",
+    "# kp = […]",
     '# same = [["…", "…"]]  # alike servos',
 ]
 PAYLOAD_EXAMPLE = [
