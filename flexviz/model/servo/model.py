@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexviz.base.arrays import Array
-from flexviz.model.effects import ChosenEffect
+from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo.parameters import INDEX, NAMES, SERVO_EFFECTS, absent, of_effect
 from flexviz.robot.model import EffectValue, FlexibleModel
 from flexviz.robot.robot import Robot
@@ -26,8 +26,7 @@ def servo_model(robot: Robot, values: Array, effects: Sequence[ChosenEffect]) ->
     for key in effects:
         j = key.joint or 0
         found = {NAMES[p].partition(".")[2]: in_newtons(values, p, j) for p in of_effect(key.effect)}
-        if key.effect == "cable_spring":
-            found["rest_angle"] = 0.0  # another one is a torque offset
+        found |= {name: 0.0 for name in EFFECTS[key.effect].units if name not in found}  # a rest angle
         own.append(EffectValue(key.effect, robot.joints[j], found))
     return FlexibleModel(
         robot.joints, np.full(n, np.inf), values[INDEX["motor_inertia"]], np.zeros(n),

@@ -52,12 +52,17 @@ class Exported:
 
 
 def check_formats(formats: Sequence[str], known: Sequence[str] | None = None) -> tuple[str, ...]:
-    """The formats without duplicates, in the order of the `known` ones; all of them if none is named.
+    """The formats without duplicates, in the order of the `known` ones; all of these if none is named.
+
+    Without `known` ones, whether they exist at all.
 
     Raises:
         InputError: a format does not exist.
     """
-    known = (*FORMATS, *(name for name in SERVO_FORMATS if name not in FORMATS)) if known is None else known
+    every = (*FORMATS, *(name for name in SERVO_FORMATS if name not in FORMATS))
+    if known is None and not formats:
+        return ()  # the model decides
+    known = every if known is None else known
     for name in formats:
         if name not in known:
             raise InputError(f'format "{name}" does not exist; {choose_from(name, known)}')
