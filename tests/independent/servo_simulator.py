@@ -50,6 +50,8 @@ def simulated(
     spec = mujoco.MjSpec.from_file(str(urdf))
     spec.option.timestep, spec.option.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    for other in [joint for joint in spec.joints if joint.name not in joints]:
+        spec.delete(other)  # locked, as in a set that does not list it
     for name, servo in zip(joints, servos, strict=True):
         joint = spec.joint(name)
         joint.armature = servo.armature
