@@ -28,7 +28,7 @@ ServoTargets = Mapping[str, Written | LeftOut]
 
 NO_CONTROLLER = "a URDF has no controllers"
 OWN_VELOCITY = "friction of a URDF joint is dry and viscous only"
-STEPPED = "the Python file next to the model adds it in every step"
+STEPPED = "the Python file next to the model adds it in every step"  # of MuJoCo
 
 
 def not_held(remedy: str, *, isaac: str, bam: str = "BAM's servos follow the goal itself") -> ServoTargets:
