@@ -35,7 +35,7 @@ class TorqueOffset(LinearEffect):
     twins = ("base_tilt", "gravity_compensator")
     common = True
     servo_targets = MappingProxyType({
-        "mjcf": Written("bias of the actuator"),
+        "mjcf": Written("constant torque of a passive dcmotor"),
         **not_held(
             "send goals that are smaller by offset / gain",
             isaac="its actuators have no constant torque", bam="BAM has no constant torque",

@@ -253,6 +253,11 @@ def identified_robot(
         warnings.append("The measurement set has changed since this identification.")
     if verdict is None and (lacking := lacks_effects(document)):
         warnings.append(lacking)
+    if loose := [p.joint for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]:
+        warnings.append(
+            f"Scale of {', '.join(map(str, loose))} not determined: torques, inertia and gain are known in "
+            "ratio to each other only."
+        )
     found = replace(found, remarks=tuple(warnings))
     assert goals or found.laws  # checks the values, whatever the format
     return found

@@ -66,44 +66,35 @@ class _Servo:
         return out
 
     def actuators(self, parent: Element) -> None:
-        """Add its actuator, and one for friction that falls with speed."""
+        """Add its actuator, and a motor without input for what no other element of MuJoCo does."""
         name, get = self.joint.name, self.joint.get
-        gain, offset = get("gain"), get("torque_offset.offset")
         more: dict[str, Any] = {}
         if limit := get("torque_limit.limit"):
-            more["forcerange"] = (-limit - offset, limit - offset)
+            more["forcerange"] = (-limit, limit)
         names = ("goal_delay.delay", "goal_lag.time_constant", "goal_speed_limit.speed")
         delay, lag, speed = (0.0 if goals_in_python(self.joint) else get(name) for name in names)
         if delay:
             more |= {"delay": delay, "nsample": str(ceil(delay / self.step - 1e-9) + 1), "interp": "linear"}
-        if offset:
-            kind: dict[str, Any] = {"gaintype": "fixed", "gainprm": gain}
-            if speed:
-                kind = {"dyntype": "pid", "dynprm": (0.0, speed), "gaintype": "pid", "gainprm": 0.0}
-            elif lag:
-                kind |= {"dyntype": "filterexact", "dynprm": lag}
-            bias = {"biastype": "affine", "biasprm": (-offset, -gain, 0.0)}
-            add(parent, "general", name=name, joint=name, **kind, **bias, **more)
-        elif speed:
-            add(parent, "pid", name=name, joint=name, input="pos", kp=gain, slewmax=speed, **more)
-        else:
-            more |= {"timeconst": lag} if lag else {}
-            add(parent, "position", name=name, joint=name, kp=gain, **more)
-        if self.joint.has("stribeck_friction"):
-            self.bristles(parent)
+        if speed:
+            more |= {"input": "pos", "slewmax": speed}
+        elif lag:
+            more["timeconst"] = lag
+        kind = "pid" if speed else "position"
+        add(parent, kind, name=name, joint=name, kp=get("gain"), **more)
+        passive = self.bristles() if self.joint.has("stribeck_friction") else {}
+        if offset := get("torque_offset.offset"):
+            passive["cogging"] = (-offset, 0.0, np.pi / 2)  # of no poles: a constant
+        if passive:
+            motor = {"input": "none", "motorconst": (0.0, 0.0), "resistance": 1.0}
+            add(parent, "dcmotor", name=f"{name}_passive", joint=name, **motor, **passive)
 
-    def bristles(self, parent: Element) -> None:
-        """Dry friction with a peak at rest, as LuGre friction of a motor without a current."""
+    def bristles(self) -> dict[str, Any]:
+        """Dry friction with a peak at rest, as LuGre friction."""
         dry = self.joint.get("coulomb_friction.coulomb")
         most = dry + self.joint.get("stribeck_friction.stribeck")
         stiffness = min(most / YIELD, (PHASE / self.step) ** 2 * self.inertia)
         damping = 2.0 * BRISTLE_DAMPING * np.sqrt(stiffness * self.inertia)
-        lugre = (stiffness, damping, dry, most, self.joint.get("stribeck_friction.velocity"))
-        name = self.joint.name
-        add(
-            parent, "dcmotor", name=f"{name}_friction", joint=name, input="none", motorconst=(0.0, 0.0),
-            resistance=1.0, lugre=lugre,
-        )  # fmt: skip
+        return {"lugre": (stiffness, damping, dry, most, self.joint.get("stribeck_friction.velocity"))}
 
 
 def servo_mjcf(identified: IdentifiedRobot) -> FormatFiles:
