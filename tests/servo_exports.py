@@ -39,7 +39,11 @@ def document(joints: Sequence[str], servos: Sequence[Servo]) -> ResultDocument:
         more = {"unit": "", "identifiable": "yes", "start": 0.0, "at_bound": False, "tied_to": []}
         values += [{"name": k, "joint": joint, "value": v, "std": 0.05 * v} | more for k, v in own.items()]
         effects += [
-            {"effect": name, "joint": joint, "parameters": {k: {"value": v, "unit": ""} for k, v in law.items()}}
+            {
+                "effect": name,
+                "joint": joint,
+                "parameters": {k: {"value": v, "unit": ""} for k, v in law.items()},
+            }
             for name, law in laws.items()
         ]
     return ResultDocument.model_validate(
@@ -58,6 +62,7 @@ def in_mujoco(done: Exported, measured: MeasurementSet, group: str) -> Array:
     for segment in one.segments:
         data = mujoco.MjData(model)
         goals = one.at("theta_ref", segment.time)
+        assert goals is not None
         at = [model.joint(name).qposadr[0] for name in measured.joints]
         data.qpos[at] = segment.theta[0]
         servos = module(steps[0]).Servos(model, data, goals[0]) if steps else None

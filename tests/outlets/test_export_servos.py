@@ -1,4 +1,4 @@
-"""A robot whose joints follow goals, taken to simulators: what each holds, and what it says that it does not."""
+"""A robot whose joints follow goals, taken to simulators: what each holds, and what it says it lacks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 import flexviz
 from flexviz.base.errors import InputError
 from flexviz.content.results import read_result
-from flexviz.data.measurements import MeasurementSet
+from flexviz.data.measurements import MeasurementSet, write_set
 from flexviz.model.effects import EFFECTS, LeftOut, Written
 from flexviz.model.servo import GAIN, SERVO_EFFECTS
 from flexviz.outlets.exporting import Exported, IdentifiedRobot, identified_robot, write
@@ -76,6 +76,20 @@ def test_every_effect_of_a_servo_states_its_targets(effect: str) -> None:
         assert all(len(text) > 5 and not text.endswith(".") for text in texts)
 
 
+def test_the_page_has_a_row_of_every_effect() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "exporting.md").read_text(encoding="utf-8")
+    section = text.split("## Servos")[1].split("\n## ")[0]
+    for name in (GAIN, *SERVO_EFFECTS):
+        (row,) = (line for line in section.splitlines() if line.startswith(f"| {EFFECTS[name].title} |"))
+        cells = [cell.strip() for cell in row.strip("|").split("|")][1:]
+        for target, cell in zip(("mjcf", "isaac", "bam", "urdf"), cells, strict=True):
+            entry = EFFECTS[name].servo_targets[target]
+            if isinstance(entry, Written):
+                assert cell == entry.meaning + (" (in part)" if entry.missing else "")
+            else:
+                assert cell == ("in Python" if "Python file" in entry.remedy else "–")
+
+
 def test_what_mujoco_holds_is_checked_here() -> None:
     checked = {name for pair in ARMS.values() for laws in pair for name in laws} | {GAIN, "cable_spring"}
     written = {
@@ -86,7 +100,7 @@ def test_what_mujoco_holds_is_checked_here() -> None:
 
 @pytest.mark.parametrize("case", ARMS)
 def test_mujoco_moves_as_the_servos_do(case: str, tmp_path: Path) -> None:
-    """Free motion from the goals, held out: the data are the truth's, flexviz' own simulation is beside it."""
+    """Free motion from the goals, held out: the data are the truth's; flexviz simulates them, too."""
     servos = [Servo(14.0, 0.03, 0.6, ARMS[case][0]), Servo(12.0, 0.02, 0.4, ARMS[case][1])]
     robot = made(tmp_path, servos)
     exported = write(robot, tmp_path / "out", ["mjcf"])
@@ -226,7 +240,7 @@ def test_a_format_of_torques_is_refused(arm: IdentifiedRobot, tmp_path: Path) ->
 def test_the_command_line_prints_what_is_not_contained(
     tmp_path: Path, done: Exported, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arm_set(tmp_path, SERVOS, 6.0).save(tmp_path / "set")
+    write_set(tmp_path / "set", arm_set(tmp_path, SERVOS, 6.0))
     command = ["export", str(tmp_path / "set"), "--result", str(done.files["json"][0])]
     assert main([*command, "--out", str(tmp_path / "out"), "--to", "isaac", "--to", "mjcf"]) == 0
     words = " ".join(capsys.readouterr().out.split())

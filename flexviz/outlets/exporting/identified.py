@@ -253,10 +253,11 @@ def identified_robot(
         warnings.append("The measurement set has changed since this identification.")
     if verdict is None and (lacking := lacks_effects(document)):
         warnings.append(lacking)
-    if loose := [p.joint for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]:
+    gains = [p for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]
+    if gains:
         warnings.append(
-            f"Scale of {', '.join(map(str, loose))} not determined: torques, inertia and gain are known in "
-            "ratio to each other only."
+            f"Scale of {', '.join(str(p.joint) for p in gains)} not determined: torques, inertia and gain are "
+            "known in ratio to each other only."
         )
     found = replace(found, remarks=tuple(warnings))
     assert goals or found.laws  # checks the values, whatever the format
