@@ -17,6 +17,7 @@ from flexviz.model.effects.names import (
 )
 from flexviz.model.effects.registry import EFFECTS
 from flexviz.model.effects.selection import ChosenEffect, choose_effects, everywhere, named_effect
+from flexviz.model.effects.targets import LeftOut, ServoTargets, Written
 from flexviz.model.effects.terms import (
     SIGN_VELOCITY,
     Context,
@@ -55,10 +56,13 @@ __all__ = [
     "JointScale",
     "JointState",
     "LawEffect",
+    "LeftOut",
     "LinearEffect",
     "LoadedEffect",
     "ParameterSpec",
+    "ServoTargets",
     "Terms",
+    "Written",
     "choose_effects",
     "curve_points",
     "everywhere",

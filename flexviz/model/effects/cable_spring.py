@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from flexviz.model.effects.effect import Effect, JointScale
+from flexviz.model.effects.targets import LeftOut, Written
 from flexviz.model.effects.terms import Array, Context, EffectTarget, Guess, ParameterSpec, Terms
 
 
@@ -29,6 +32,12 @@ class CableSpring(Effect):
         ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle of zero torque", "q₀"),
     )
     state = True
+    servo_targets = MappingProxyType({
+        "mjcf": Written("stiffness and springref of the joint"),
+        "isaac": LeftOut("its joints have no springs beside the drive"),
+        "bam": LeftOut("BAM has no springs"),
+        "urdf": LeftOut("a URDF has no springs"),
+    })  # fmt: skip
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         q = context.link_state(place.own_joint)[:1, :, None]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from flexviz.model.effects.effect import JointScale
 from flexviz.model.effects.law import LinearEffect
+from flexviz.model.effects.targets import Written
 from flexviz.model.effects.terms import ARMSTRONG, SLIDING, Array, JointMotion, smooth_sign
 
 
@@ -23,6 +26,12 @@ class CoulombFriction(LinearEffect):
     parameters = (SLIDING,)
     twins = ("link_coulomb_friction",)
     common = True
+    servo_targets = MappingProxyType({
+        "mjcf": Written("frictionloss"),
+        "isaac": Written("friction, dynamic_friction"),
+        "bam": Written("friction_base"),
+        "urdf": Written("friction"),
+    })  # fmt: skip
 
     def columns(self, motion: JointMotion) -> Array:
         return smooth_sign(motion.velocity)[np.newaxis]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from flexviz.model.effects.goal_effect import GoalEffect
+from flexviz.model.effects.targets import STEPPED, LeftOut, not_held
 from flexviz.model.effects.terms import ParameterSpec
 
 
@@ -17,3 +20,10 @@ class DeadBand(GoalEffect):
     parameters = (ParameterSpec("half_width", "rad", 0.0, 0.5, "half of the band", "δ"),)
     twins = ("coulomb_friction",)
     example = (0.005,)
+    servo_targets = MappingProxyType({
+        "mjcf": LeftOut("MuJoCo's actuators have no dead band", STEPPED),
+        **not_held(
+            "send goals that are nearer to the joint by the half width, or its own position",
+            isaac="its actuators have no dead band",
+        ),
+    })  # fmt: skip

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
 from flexviz.model.effects.effect import HiddenStart, JointScale
 from flexviz.model.effects.law import LinearEffect, LoadedEffect
+from flexviz.model.effects.targets import OWN_VELOCITY, STEPPED, LeftOut, Written
 from flexviz.model.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
 SMALL = 0.05  # coefficients from which a fit finds those that seemed to be negative
@@ -47,6 +49,15 @@ class DrivingFriction(LinearEffect, LoadedEffect):
     instead_of = "load_dependent_friction"
     merges = ("load_dependent_friction", "torque_gain")
     size_at = (0, 1)
+    servo_targets = MappingProxyType({
+        "mjcf": LeftOut("MJCF has no load-dependent friction", STEPPED),
+        "isaac": LeftOut("its PD actuators have no load-dependent friction; BamActuatorCfg has"),
+        "bam": Written(
+            "load_friction_motor, load_friction_external",
+            missing="the same in slow motion only: BAM weighs motor torque and gravity",
+        ),
+        "urdf": LeftOut(OWN_VELOCITY),
+    })  # fmt: skip
 
     def columns(self, motion: JointMotion) -> Array:
         friction = np.abs(motion.torque) * smooth_sign(motion.velocity)

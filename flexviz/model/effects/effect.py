@@ -5,10 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
+from flexviz.model.effects.targets import ServoTargets
 from flexviz.model.effects.terms import (
     Array,
     Context,
@@ -125,6 +127,7 @@ class Effect(ABC):
         offset_parameter: parameter that amounts to a constant torque of the joint.
         expected: parameter → standard deviation around zero that a real robot may show.
         example: clearly visible parameters, for checks and for simulated sets that give none.
+        servo_targets: what the formats of servos make of it, on joints that follow goals.
     """
 
     name: ClassVar[str]
@@ -167,6 +170,7 @@ class Effect(ABC):
     offset_parameter: ClassVar[str | None] = None
     expected: ClassVar[Mapping[str, float]] = {}
     example: ClassVar[tuple[float, ...]] = ()
+    servo_targets: ClassVar[ServoTargets] = MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
         cls.__doc__ = cls.__doc__ or getattr(cls, "explanation", None)

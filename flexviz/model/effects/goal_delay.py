@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from flexviz.model.effects.goal_effect import GoalEffect
+from flexviz.model.effects.targets import NO_CONTROLLER, LeftOut, Written
 from flexviz.model.effects.terms import ParameterSpec
 
 
@@ -17,3 +20,9 @@ class GoalDelay(GoalEffect):
     parameters = (ParameterSpec("delay", "s", 0.0, 0.2, "how much later it acts", "d"),)
     twins = ("goal_lag",)
     example = (0.02,)
+    servo_targets = MappingProxyType({
+        "mjcf": Written("delay of the actuator"),
+        "isaac": Written("min_delay, max_delay", missing="whole steps of the simulation"),
+        "bam": Written("command_delay"),
+        "urdf": LeftOut(NO_CONTROLLER, "send goals later by this time"),
+    })  # fmt: skip

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from flexviz.model.effects.goal_effect import GoalEffect
+from flexviz.model.effects.targets import Written, not_held
 from flexviz.model.effects.terms import ParameterSpec
 
 
@@ -17,3 +20,10 @@ class GoalLag(GoalEffect):
     parameters = (ParameterSpec("time_constant", "s", 0.0, 1.0, "of the low-pass", "T"),)
     twins = ("goal_delay",)
     example = (0.03,)
+    servo_targets = MappingProxyType({
+        "mjcf": Written("timeconst of the actuator"),
+        **not_held(
+            "send goals through a first-order low-pass of this time constant",
+            isaac="its actuators follow the goal itself",
+        ),
+    })  # fmt: skip

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from flexviz.model.effects.goal_effect import GoalEffect
+from flexviz.model.effects.targets import Written, not_held
 from flexviz.model.effects.terms import ParameterSpec
 
 
@@ -23,3 +26,10 @@ class GoalSpeedLimit(GoalEffect):
     parameters = (ParameterSpec("speed", "rad/s", 0.0, explanation="largest speed", symbol="v"),)
     size_at = ()
     example = (1.5,)
+    servo_targets = MappingProxyType({
+        "mjcf": Written("slewmax of a pid actuator"),
+        **not_held(
+            "send goals that approach theirs at this speed at most",
+            isaac="its actuators follow the goal itself; a velocity limit would limit the joint",
+        ),
+    })  # fmt: skip

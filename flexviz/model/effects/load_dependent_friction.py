@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from flexviz.model.effects.effect import HiddenStart, JointScale
 from flexviz.model.effects.law import LinearEffect, LoadedEffect
+from flexviz.model.effects.targets import OWN_VELOCITY, STEPPED, LeftOut, Written
 from flexviz.model.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
 SMALL = 0.05  # coefficient from which a fit finds one that seemed to be negative
@@ -29,6 +32,12 @@ class LoadDependentFriction(LinearEffect, LoadedEffect):
         ParameterSpec("coefficient", "-", 0.0, 0.9, "share of the transmitted torque that is lost", "μ"),
     )
     state = True
+    servo_targets = MappingProxyType({
+        "mjcf": LeftOut("MJCF has no load-dependent friction", STEPPED),
+        "isaac": LeftOut("its PD actuators have no load-dependent friction; BamActuatorCfg has"),
+        "bam": Written("load_friction_external", missing="BAM's load is gravity, without inertia"),
+        "urdf": LeftOut(OWN_VELOCITY),
+    })  # fmt: skip
 
     def columns(self, motion: JointMotion) -> Array:
         return (np.abs(motion.torque) * smooth_sign(motion.velocity))[np.newaxis]

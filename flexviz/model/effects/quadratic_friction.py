@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from flexviz.model.effects.effect import JointScale
 from flexviz.model.effects.law import LinearEffect
+from flexviz.model.effects.targets import OWN_VELOCITY, LeftOut, Written
 from flexviz.model.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec
 
 
@@ -24,6 +27,12 @@ class QuadraticFriction(LinearEffect):
         ParameterSpec("quadratic", "Nm s²/rad²", 0.0, explanation="friction at 1 rad/s", symbol="f_q"),
     )
     smooth = True
+    servo_targets = MappingProxyType({
+        "mjcf": Written("damping, its second number"),
+        "isaac": LeftOut("its joints have no quadratic friction"),
+        "bam": LeftOut("BAM has no quadratic friction of the speed"),
+        "urdf": LeftOut(OWN_VELOCITY),
+    })  # fmt: skip
 
     def columns(self, motion: JointMotion) -> Array:
         return (motion.velocity * np.abs(motion.velocity))[np.newaxis]

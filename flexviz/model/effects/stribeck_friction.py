@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
 from flexviz.model.effects.effect import EffectEvidence, JointScale
 from flexviz.model.effects.law import LawEffect
+from flexviz.model.effects.targets import OWN_VELOCITY, LeftOut, Written
 from flexviz.model.effects.terms import ARMSTRONG, Array, JointMotion, ParameterSpec, smooth_sign
 
 CREEPING = 0.5  # share of a joint's top speed; if v_s is that, 2 % of the friction is left there
@@ -33,6 +35,12 @@ class StribeckFriction(LawEffect):
     beside = "coulomb_friction"
     twins = ("thinning_friction",)
     grid: ClassVar = {"velocity": (0.03, 0.06, 0.1, 0.17, 0.3, 0.5, 0.9)}
+    servo_targets: ClassVar = MappingProxyType({
+        "mjcf": Written("LuGre friction of a passive dcmotor"),
+        "isaac": Written("friction", missing="it ends as soon as the joint moves, not at v_s"),
+        "bam": Written("friction_stribeck, dtheta_stribeck, alpha"),
+        "urdf": LeftOut(OWN_VELOCITY),
+    })  # fmt: skip
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         size, width = values[0], max(values[1], 1e-3)

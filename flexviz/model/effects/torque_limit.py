@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from flexviz.model.effects.effect import Effect, JointScale
+from flexviz.model.effects.targets import LeftOut, Written
 from flexviz.model.effects.terms import Array, Context, EffectTarget, Guess, ParameterSpec, Terms
 
 SHARES = (0.6, 0.7, 0.8, 0.87, 0.93, 0.98)  # of the largest torque: limits that a search tries
@@ -36,6 +39,15 @@ class TorqueLimit(Effect):
     parameters = (ParameterSpec("limit", "Nm", 0.0, explanation="largest torque; 0: none", symbol="L"),)
     limits_torque = True
     size_at = ()
+    servo_targets = MappingProxyType({
+        "mjcf": Written("forcerange of the actuator"),
+        "isaac": Written("effort_limit"),
+        "bam": LeftOut(
+            "BAM limits the duty cycle: max_pwm · vin · kt / R of the motor",
+            "choose these so that their product is the limit",
+        ),
+        "urdf": LeftOut("the effort limits of a URDF are those of its author"),
+    })  # fmt: skip
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         limit = float(values[0])

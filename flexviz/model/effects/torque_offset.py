@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from flexviz.model.effects.effect import JointScale
 from flexviz.model.effects.law import LinearEffect
+from flexviz.model.effects.targets import Written, not_held
 from flexviz.model.effects.terms import Array, JointMotion, ParameterSpec
 
 
@@ -31,6 +34,13 @@ class TorqueOffset(LinearEffect):
     smooth = True
     twins = ("base_tilt", "gravity_compensator")
     common = True
+    servo_targets = MappingProxyType({
+        "mjcf": Written("constant torque of a passive dcmotor"),
+        **not_held(
+            "send goals that are smaller by offset / gain",
+            isaac="its actuators have no constant torque", bam="BAM has no constant torque",
+        ),
+    })  # fmt: skip
 
     def columns(self, motion: JointMotion) -> Array:
         return np.ones((1, len(motion.time)))

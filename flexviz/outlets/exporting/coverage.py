@@ -1,29 +1,21 @@
 """Export coverage: the entry of every effect in every format's registry.
 
-YAML and JSON hold the parameters of any effect and need no registry.
+YAML and JSON hold the parameters of any effect and need no registry. What becomes of servos that follow
+goals is stated by the effects themselves (`Effect.servo_targets`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from flexviz.model.compensation import ELASTIC, by_speed_and_load
-from flexviz.model.effects import EFFECTS, free_curve, is_user_defined
+from flexviz.model.effects import EFFECTS, LeftOut, Written, free_curve, is_user_defined
 from flexviz.model.simulation import scaled_body, tilted_gravity
 from flexviz.robot.robot import PayloadBody
 
 Values = Mapping[str, float]  # an effect's parameters by name
-
-
-@dataclass(frozen=True)
-class Written:
-    """An effect that a format contains: its representation, and the part that is not reproduced, a clause."""
-
-    meaning: str
-    _: KW_ONLY
-    missing: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,13 +70,6 @@ class OnGravity(Written):
     """An effect that changes gravity [m/s²] in the base's frame."""
 
     gravity: Callable[[Values, tuple[float, float, float]], tuple[float, float, float]]  # from the stated one
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """An effect that a format does not contain, with the reason as a clause."""
-
-    because: str
 
 
 Entry = Written | LeftOut
@@ -266,6 +251,8 @@ TABLE: dict[str, Entry] = {
 REGISTRIES: Mapping[str, Mapping[str, Entry]] = {
     "urdf": URDF, "mjcf": MJCF, "c": CODE, "python": CODE, "table": TABLE,
 }  # fmt: skip
+PARAMETERS = Written("parameters with standard errors and units, and the effect's equation")
+SERVO_TARGETS = ("urdf", "mjcf", "isaac", "bam")  # formats of servos but for the parameters
 FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python", "table")
 
 
@@ -276,7 +263,12 @@ def entry_of(effect: str, target: str) -> Entry | None:
     if target in REGISTRIES:
         library = effect in EFFECTS and not is_user_defined(effect)
         return REGISTRIES[target].get(effect, None if library else USER_DEFINED)
-    return Written("parameters with standard errors and units, and the effect's equation")
+    return PARAMETERS
+
+
+def servo_entry_of(effect: str, target: str) -> Entry | None:
+    """The same of a robot whose joints follow goals: what the effect itself states."""
+    return EFFECTS[effect].servo_targets.get(target) if target in SERVO_TARGETS else PARAMETERS
 
 
 def coverage() -> dict[tuple[str, str], Entry | None]:

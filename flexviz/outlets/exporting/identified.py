@@ -20,7 +20,7 @@ from flexviz.content.results import ResultDocument, lacks_effects
 from flexviz.content.wording import mounting_text, sliding_note
 from flexviz.model.effects import EFFECTS, named_effect
 from flexviz.model.servo import GAIN, follows_goals
-from flexviz.outlets.exporting.coverage import UNREGISTERED, LeftOut, entry_of
+from flexviz.outlets.exporting.coverage import UNREGISTERED, LeftOut, entry_of, servo_entry_of
 from flexviz.outlets.exporting.laws import Laws, laws, not_of_robot
 from flexviz.robot.model import INERTIAL_NAMES, EffectValue, FlexibleModel
 from flexviz.robot.robot import PayloadBody, Robot
@@ -101,9 +101,19 @@ class IdentifiedRobot:
         return laws(self.robot, self.model, self.payload, self.bodies)
 
     @cached_property
+    def follows_goals(self) -> bool:
+        """Whether its joints follow goals."""
+        return follows_goals(self.model)
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """Of the base's frame (3,) [m/s²]."""
+        return self.robot.gravity if self.follows_goals else self.laws.gravity
+
+    @cached_property
     def inertial(self) -> Array:
         """(n, 10) inertial parameters about the joint frames, including the payload."""
-        bodies = self.bodies if follows_goals(self.model) else self.laws.bodies
+        bodies = self.bodies if self.follows_goals else self.laws.bodies
         return self.model.inertial + self.robot.payload_parameters(bodies)
 
     @property
@@ -152,8 +162,7 @@ class IdentifiedRobot:
             lines.insert(1, f"Fitted on {', '.join(groups)}" + (", refined" if self.document.refined else ""))
         carried = f"carries the payload {self.payload}" if self.payload else "carries no payload"
         lines.append(f"The robot {carried}.")
-        gravity = self.robot.gravity if follows_goals(self.model) else self.laws.gravity
-        if mounted := mounting_text(gravity):
+        if mounted := mounting_text(self.gravity):
             lines.append(f"Mounting: {mounted}.")
         movable = (x.name for x in self.robot.description.joint_map.values() if x.type != "fixed")
         if locked := [name for name in movable if name not in self.joints]:
@@ -167,6 +176,8 @@ class IdentifiedRobot:
 
     def left_out(self, target: str) -> list[str]:
         """Effects that a format does not contain: `external_contact:joint1@g2: an event of …`"""
+        if self.follows_goals:
+            return self._left_out_of_servos(target)
         lines = []
         for effect in self.model.effects:
             found = entry_of(effect.effect, target) or UNREGISTERED
@@ -174,6 +185,27 @@ class IdentifiedRobot:
             reason = not_of_robot(effect, self.payload) or reason
             if reason:
                 lines.append(f"{effect.text}: {reason}")
+        return lines
+
+    def _left_out_of_servos(self, target: str) -> list[str]:
+        """The same, one line per effect: `dead_band:a, b (half_width .005, .004 rad): reason; what to do`."""
+        lines = []
+        for name in dict.fromkeys(effect.effect for effect in self.model.effects):
+            found = servo_entry_of(name, target) or UNREGISTERED
+            left = isinstance(found, LeftOut)
+            reason, remedy = (found.because, found.remedy) if left else (found.missing, "")
+            if not reason:
+                continue
+            own = [effect for effect in self.model.effects if effect.effect == name]
+            every = len(own) == self.robot.n > 2
+            joints = "all joints" if every else ", ".join(effect.joint or "all joints" for effect in own)
+            values = "; ".join(
+                f"{p} {', '.join(f'{e.parameters[p]:.4g}' for e in own)} {unit}".removesuffix(" -")
+                for p, unit in EFFECTS[name].units.items()
+                if any(e.parameters[p] for e in own)
+            )
+            todo = f"; {remedy}" if remedy else ""
+            lines.append(f"{name}:{joints} ({values}): {reason}{todo}")
         return lines
 
 
@@ -221,6 +253,12 @@ def identified_robot(
         warnings.append("The measurement set has changed since this identification.")
     if verdict is None and (lacking := lacks_effects(document)):
         warnings.append(lacking)
+    gains = [p for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]
+    if gains:
+        warnings.append(
+            f"Scale of {', '.join(str(p.joint) for p in gains)} not determined: torques, inertia and gain are "
+            "known in ratio to each other only."
+        )
     found = replace(found, remarks=tuple(warnings))
     assert goals or found.laws  # checks the values, whatever the format
     return found

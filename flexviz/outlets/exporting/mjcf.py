@@ -11,6 +11,7 @@ not act on it. The actuators act on the motors.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -48,18 +49,27 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
     robot, laws, name = identified.robot, identified.laws, identified.name
     step, vibration = timestep(identified)
     root = Element("mujoco", model=name)
-    _add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
-    option = _add(root, "option", timestep=step, integrator="RK4", gravity=laws.gravity)
-    _add(option, "flag", contact="disable")
+    add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
+    option = add(root, "option", timestep=step, integrator="RK4", gravity=laws.gravity)
+    add(option, "flag", contact="disable")
     shapes = Shapes(robot, f"{name}_meshes")
-    asset = _add(root, "asset")
+    asset = add(root, "asset")
     motors = motor_names(robot)
     followers = followers_of(robot, identified.inertial)
-    _bodies(identified, _add(root, "worldbody"), shapes, motors, followers)
+    children = {name: joint.child for name, joint in robot.description.joint_map.items()}
+
+    def put(i: int, parent: Element, pose: Any) -> Element:
+        motor = frame(parent, motors[robot.joints[i]], pose)
+        add(motor, "inertial", pos="0 0 0", mass=ROTOR_MASS, diaginertia=" ".join([ROTOR_INERTIA] * 3))
+        body = frame(parent, children[robot.joints[i]], pose)
+        _joints(identified, i, motor, body, motors[robot.joints[i]])
+        return body
+
+    bodies(robot, add(root, "worldbody"), shapes, followers, put)
     asset.extend(shapes.assets)
     if not shapes.assets:
         root.remove(asset)
-    _couplings(root, followers)
+    couplings(root, followers)
     _tendons(identified, root, motors)
     _actuators(identified, root, motors, step)
     missing = [
@@ -117,14 +127,18 @@ def timestep(identified: IdentifiedRobot) -> tuple[float, float]:
     return step, rates.vibration
 
 
-def _bodies(
-    identified: IdentifiedRobot, world: Element, shapes: Shapes, names: dict[str, str], followers: Followers
+def bodies(
+    robot: Robot,
+    world: Element,
+    shapes: Shapes,
+    followers: Followers,
+    put: Callable[[int, Element, Any], Element],
 ) -> None:
-    robot = identified.robot
+    """All bodies; `put` adds joint i at a pose in a body, and gives the body that it moves."""
     inside: dict[int, Element] = {-1: world}  # Pinocchio's joint -> its body
     for link in robot.links:
         if robot.joint_of_link(link) is None:
-            parent = world if link == "world" else _frame(world, link, placement(robot, link))
+            parent = world if link == "world" else frame(world, link, placement(robot, link))
             parent.extend(shapes.geoms(link))
     joint_of_body = np.argsort(robot.order)
     children = {name: joint.child for name, joint in robot.description.joint_map.items()}
@@ -132,59 +146,64 @@ def _bodies(
         i = int(joint_of_body[b])
         joint, pose = robot.joints[i], robot.model.jointPlacements[1 + b]
         parent = inside[int(robot.model.parents[1 + b]) - 1]
-        motor = _frame(parent, names[joint], pose)
-        _add(motor, "inertial", pos="0 0 0", mass=ROTOR_MASS, diaginertia=" ".join([ROTOR_INERTIA] * 3))
-        body = _frame(parent, children[joint], pose)
-        _joints(identified, i, motor, body, names[joint])
-        _inertial(body, pin.Inertia.FromDynamicParameters(followers.rest[i]))
+        body = put(i, parent, pose)
+        inertial(body, pin.Inertia.FromDynamicParameters(followers.rest[i]))
         inside[b] = body
         # mimic joint -> its body, and its pose in that of joint i
         hosts: dict[str | None, tuple[Element, Any]] = {None: (body, pin.SE3.Identity())}
         for one in (one for one in followers.coupled if one.carrier == i):
             above, place = hosts[one.above]
-            element = _frame(above, one.links[0], place.actInv(one.pose))
+            element = frame(above, one.links[0], place.actInv(one.pose))
             place_of_zero = {"ref": one.mimic.offset} if one.mimic.offset else {}
-            _add(element, "joint", name=one.joint, type=one.kind, axis=one.axis, **place_of_zero)
-            _inertial(element, one.inertia)
+            add(element, "joint", name=one.joint, type=one.kind, axis=one.axis, **place_of_zero)
+            inertial(element, one.inertia)
             hosts[one.joint] = element, one.pose
         for link in (link for link in robot.links if robot.joint_of_link(link) == i):
             follower = followers.of(link)
             host, place = hosts[follower.joint if follower else None]
             first = follower.links[0] if follower else children[joint]
-            own = host if link == first else _frame(host, link, place.actInv(placement(robot, link)))
+            own = host if link == first else frame(host, link, place.actInv(placement(robot, link)))
             own.extend(shapes.geoms(link))
 
 
-def _inertial(body: Element, inertia: Any) -> None:
+def inertial(body: Element, inertia: Any) -> None:
     full = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    _add(body, "inertial", pos=inertia.lever, mass=inertia.mass, fullinertia=full)
+    add(body, "inertial", pos=inertia.lever, mass=inertia.mass, fullinertia=full)
 
 
-def _couplings(root: Element, followers: Followers) -> None:
+def couplings(root: Element, followers: Followers) -> None:
     """Mimic joints as equality constraints of their joint's link position."""
     if followers.coupled:
-        equality = _add(root, "equality")
+        equality = add(root, "equality")
         for one in followers.coupled:
             line = (0.0, one.mimic.multiplier, 0.0, 0.0, 0.0)
             ends = {"joint1": one.joint, "joint2": one.mimic.leader}
-            _add(equality, "joint", **ends, polycoef=line, solref=FRICTION)
+            add(equality, "joint", **ends, polycoef=line, solref=FRICTION)
 
 
 def _joints(identified: IdentifiedRobot, i: int, motor: Element, body: Element, motor_name: str) -> None:
     robot, laws, joint = identified.robot, identified.laws, identified.joints[i]
-    linear, angular = axis(robot, int(robot.order[i]))
-    kind = "hinge" if angular.any() else "slide"
-    shared = {"type": kind, "axis": angular + linear}
+    shared = kind_and_axis(robot, i)
     viscous, quadratic = laws["motor_viscous"][i], laws["quadratic"][i]
     moving = {"armature": laws["motor_inertia"][i], "damping": [viscous, quadratic] if quadratic else viscous}
-    _add(motor, "joint", name=motor_name, **shared, **moving, **_dry_friction(laws.sliding_friction(i)))
+    add(motor, "joint", name=motor_name, **shared, **moving, **_dry_friction(laws.sliding_friction(i)))
     more = {"damping": laws["link_viscous"][i], **_dry_friction(laws["link_coulomb"][i])}
     if laws["spring"][i]:
         more |= {"stiffness": laws["spring"][i], "springref": laws["spring_torque"][i] / laws["spring"][i]}
+    add(body, "joint", name=joint, **shared, **more, **reach(robot, i))
+
+
+def kind_and_axis(robot: Robot, i: int) -> dict[str, Any]:
+    """Attributes of joint i in its own body."""
+    linear, angular = axis(robot, int(robot.order[i]))
+    return {"type": "hinge" if angular.any() else "slide", "axis": angular + linear}
+
+
+def reach(robot: Robot, i: int) -> dict[str, Any]:
+    """The attribute of joint i's limits, if it has any."""
     low, high = robot.lower_limit[i], robot.upper_limit[i]
-    if low < high and (kind == "slide" or high - low < ENDLESS_RANGE):
-        more["range"] = (low, high)
-    _add(body, "joint", name=joint, **shared, **more)
+    limited = low < high and (robot.prismatic[i] or high - low < ENDLESS_RANGE)
+    return {"range": (low, high)} if limited else {}
 
 
 def _dry_friction(torque: float) -> dict[str, Any]:
@@ -193,7 +212,7 @@ def _dry_friction(torque: float) -> dict[str, Any]:
 
 def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) -> None:
     laws = identified.laws
-    tendon = _add(root, "tendon")
+    tendon = add(root, "tendon")
     for i, joint in enumerate(identified.joints):
         stiffness, cubic, gap = (laws[name][i] for name in ("stiffness", "cubic", "half_width"))
         spring = {
@@ -201,20 +220,20 @@ def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) 
             "springlength": [-gap, gap] if gap else 0.0,
         }
         damping = {"damping": laws["damping"][i]} if laws["damping"][i] else {}
-        fixed = _add(tendon, "fixed", name=f"{joint}_elastic", **spring, **damping)
-        _add(fixed, "joint", joint=names[joint], coef="1")
-        _add(fixed, "joint", joint=joint, coef="-1")
+        fixed = add(tendon, "fixed", name=f"{joint}_elastic", **spring, **damping)
+        add(fixed, "joint", joint=names[joint], coef="1")
+        add(fixed, "joint", joint=joint, coef="-1")
     for k, (i, other, coulomb, viscous) in enumerate(laws.rows["coupled"]):
         pair = [identified.joints[int(at)] for at in (i, other)]
         friction = {"damping": viscous, **_dry_friction(coulomb)}
-        fixed = _add(tendon, "fixed", name=f"{'_'.join(pair)}_coupled{k}", **friction)
+        fixed = add(tendon, "fixed", name=f"{'_'.join(pair)}_coupled{k}", **friction)
         for joint in pair:
-            _add(fixed, "joint", joint=names[joint], coef="1")
+            add(fixed, "joint", joint=names[joint], coef="1")
 
 
 def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str], step: float) -> None:
     laws = identified.laws
-    actuator, sensor = _add(root, "actuator"), _add(root, "sensor")
+    actuator, sensor = add(root, "actuator"), add(root, "sensor")
     limits = identified.torque_limits
     for i, joint in enumerate(identified.joints):
         delay, more = laws["torque_delay"][i], {}
@@ -225,22 +244,22 @@ def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str]
         gain = {"gaintype": "fixed", "gainprm": 1.0 + laws["gain_error"][i]}
         if limits.get(joint, 0.0) > 0.0:
             more["forcerange"] = (-limits[joint], limits[joint])
-        _add(actuator, "general", name=joint, joint=names[joint], **gain, **more)
+        add(actuator, "general", name=joint, joint=names[joint], **gain, **more)
         for signal, place in (("theta", names[joint]), ("q", joint)):
-            _add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)
-            _add(sensor, "jointvel", name=f"{signal}_velocity_{joint}", joint=place)
+            add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)
+            add(sensor, "jointvel", name=f"{signal}_velocity_{joint}", joint=place)
 
 
-def _add(parent: Element, tag: str, **attributes: str | ArrayLike) -> Element:
+def add(parent: Element, tag: str, **attributes: str | ArrayLike) -> Element:
     """A new element; attributes are texts or numbers."""
     texts = {k: v if isinstance(v, str) else number_text(v) for k, v in attributes.items()}
     return ElementTree.SubElement(parent, tag, texts)
 
 
-def _frame(parent: Element, name: str, pose: Any) -> Element:
+def frame(parent: Element, name: str, pose: Any) -> Element:
     """A body in `parent` at a Pinocchio pose."""
     quaternion = pin.Quaternion(pose.rotation).coeffs()  # x y z w
     place = {"pos": pose.translation}
     if abs(quaternion[3]) < 1.0:
         place["quat"] = (quaternion[3], *quaternion[:3])
-    return _add(parent, "body", name=name, **place)
+    return add(parent, "body", name=name, **place)

@@ -91,7 +91,7 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
         "robot": robot.source,
         "joints": list(robot.joints),
         "conventions": CONVENTIONS,
-        "gravity": list(identified.laws.gravity),
+        "gravity": list(identified.gravity),
         "payload": identified.payload,
         "torque_hold": ms.torque_hold,
         "controller": controller,
@@ -107,7 +107,8 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
         **curve_entries(document.all_parameters),
         **{name: getattr(document, name) for name in OF_THE_FIT},
     )
-    return about | result.to_dict() | {"not_contained_in_code": identified.left_out("c")}
+    code = {} if identified.follows_goals else {"not_contained_in_code": identified.left_out("c")}
+    return about | result.to_dict() | code
 
 
 def effect_entries(document: ResultDocument) -> tuple[EffectEntry, ...]:

@@ -16,6 +16,7 @@ from flexviz.base.units import joint_unit
 from flexviz.content.wording import mounting_text
 from flexviz.outlets.exporting.bodies import Carrier, carriers
 from flexviz.outlets.exporting.identified import FormatFiles, IdentifiedRobot
+from flexviz.outlets.exporting.servo_values import servo_joints
 from flexviz.outlets.exporting.xml_text import comment_text, number_text
 from flexviz.robot.model import INERTIAL_NAMES
 from flexviz.robot.robot_files import resolve_mesh
@@ -45,8 +46,36 @@ def urdf(identified: IdentifiedRobot) -> FormatFiles:
                 text = f" its inertia is included in {carrier.link}, to which it is fixed (flexviz) "
                 links[name].replaceChild(document.createComment(text), element)
         _write_dynamics(document, joints[identified.joints[i]], i, identified)
-    about = [*identified.heading, *(f"NOT CONTAINED: {text}" for text in missing)]
-    about += ["Joint friction: motor and link together. Comments in links and joints give the other values."]
+    note = "Joint friction: motor and link together. Comments in links and joints give the other values."
+    return _finished(identified, document, files, missing, note)
+
+
+def servo_urdf(identified: IdentifiedRobot) -> FormatFiles:
+    """The URDF of a robot whose joints follow goals: its masses are the URDF's own, only friction is new."""
+    document: Any = minidom.parseString(identified.robot.urdf_path.read_bytes())
+    root, missing = document.documentElement, identified.left_out("urdf")
+    if identified.payload is not None:
+        missing.append(f"payload {identified.payload}: the masses of a servo's robot are those of its URDF")
+    files = _meshes(identified, root, missing)
+    joints = {element.getAttribute("name"): element for element in _children(root, "joint")}
+    for joint in servo_joints(identified):
+        element = joints[joint.name]
+        old = next(_children(element, "dynamics"), None)
+        new = old.cloneNode(True) if old is not None else document.createElement("dynamics")
+        new.setAttribute("damping", number_text(joint.get("motor_viscous_friction")))
+        new.setAttribute("friction", number_text(joint.get("coulomb_friction.coulomb")))
+        lines = [f"flexviz: no place in a URDF for motor_inertia {joint.get('motor_inertia')!r} kg m²,"]
+        lines.append(f"gain {joint.get('gain')!r} Nm/rad")
+        comment = document.createComment(comment_text(lines, _indent(element)))
+        _put(document, element, old, [comment, new])
+    return _finished(identified, document, files, missing, "Joint friction: viscous and dry.")
+
+
+def _finished(
+    identified: IdentifiedRobot, document: Any, files: dict[str, bytes], missing: list[str], note: str
+) -> FormatFiles:
+    about = [*identified.heading, *(f"NOT CONTAINED: {text}" for text in missing), note]
+    root = document.documentElement
     document.insertBefore(document.createComment(comment_text(about)), root)
     text = document.toxml(encoding="utf-8").replace(b"?><", b"?>\n<", 1).replace(b"--><", b"-->\n<")
     return FormatFiles({f"{identified.name}.urdf": text + b"\n", **files}, missing)

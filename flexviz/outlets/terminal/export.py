@@ -23,7 +23,8 @@ def export(
     to: list[str] | None = typer.Option(
         None,
         metavar="FORMAT",
-        help="urdf, mjcf, yaml, json, c, python, table; repeat for more; default: all.",
+        help="urdf, mjcf, yaml, json, c, python, table; of joints that follow goals urdf, mjcf, isaac, bam, "
+        "yaml, json; repeat for more; default: all.",
     ),
     result: Path | None = typer.Option(
         None,
