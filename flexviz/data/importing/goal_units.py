@@ -15,7 +15,6 @@ from flexviz.base.facts import Fact
 from flexviz.data.importing.draft import Draft
 from flexviz.data.logs import ANGLE
 from flexviz.data.measurements import Array, GroupTable
-from flexviz.data.noise import count_of
 from flexviz.robot.robot import Robot
 
 WITHIN = 0.05  # of its range, by which a joint may be beyond its limits
@@ -23,6 +22,10 @@ FULL = 100.0  # per cent of half a range
 COUNT = 2 * np.pi / 4096  # [rad] of a servo's encoder
 ALIKE = 1.02  # by which counts of one kind may differ
 CALIBRATED = 1.41  # by which a calibrated range may differ from the robot description's
+FEWEST, FEW = (
+    16,
+    0.05,
+)  # different positions that show a count; share of them, and of a count, that may differ
 WIDEST = 4 * np.pi  # [rad] from zero, of a joint without limits
 
 
@@ -106,6 +109,16 @@ def state_units(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> boo
 
 def encoder_counts(tables: Sequence[GroupTable]) -> Array:
     """(n,) the count in which each joint's position is recorded, in its own unit; 0 where none shows."""
-    counts = np.array([[count_of(column) for column in table.theta.T] for table in tables])
-    least = np.min(np.where(counts > 0, counts, np.inf), axis=0)
-    return np.where(np.isfinite(least), least, 0.0)
+    positions = np.concatenate([table.theta for table in tables])
+    return np.array([encoder_count(np.unique(column)) for column in positions.T])
+
+
+def encoder_count(values: Array) -> float:
+    """The count of which the distances of different, sorted values (N,) are multiples; 0 if they are not."""
+    if len(values) < FEWEST:
+        return 0.0
+    gaps = np.diff(values)
+    count = float(np.quantile(gaps, FEW))
+    multiples = gaps / count
+    on_grid = np.abs(multiples - np.round(multiples)) < FEW
+    return count if np.mean(on_grid) > 1 - FEW else 0.0

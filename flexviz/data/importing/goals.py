@@ -35,9 +35,23 @@ class GoalFault:
 
 
 def goal_faults(mapping: Mapping, robot: Robot, groups: Sequence[AssembledGroup]) -> list[GoalFault]:
-    """At most one fault per joint."""
+    """Goals in another unit than the position or of another joint, at most one fault per joint."""
     found = (goal_fault(mapping, robot, j, groups) for j in range(robot.n))
     return [fault for fault in found if fault is not None]
+
+
+def constant_goals(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[GoalFault]:
+    """Goals that do not change in any log."""
+    found = []
+    for j, (joint, entry) in enumerate(mapping.joints.items()):
+        goals = [g.table.theta_ref[:, j] for g in groups if g.table.theta_ref is not None]
+        if entry.theta_ref is not None and all(len(np.unique(goal)) < LEAST_GOALS for goal in goals):
+            message = (
+                f"found {number(float(goals[0][0]), 4)} throughout, expected goals that change: nothing is "
+            )
+            message += f"learned of a servo that stands still; leave out [joints.{joint}]"
+            found.append(GoalFault(groups[0].entry.label, entry.theta_ref.column, message))
+    return found
 
 
 def goal_fault(mapping: Mapping, robot: Robot, j: int, groups: Sequence[AssembledGroup]) -> GoalFault | None:
@@ -51,17 +65,17 @@ def goal_fault(mapping: Mapping, robot: Robot, j: int, groups: Sequence[Assemble
     def fault(k: int, message: str, *proposals: Proposal) -> GoalFault:
         return GoalFault(groups[k].entry.label, signal.column, message, proposals)
 
-    if all(len(np.unique(goal)) < LEAST_GOALS for _, goal in pairs):
-        found = f"found {number(float(pairs[0][1][0]), 4)} {unit} throughout, expected goals that change"
-        return fault(
-            0, f"{found}: nothing is learned of a servo that stands still; leave out [joints.{joint}]"
-        )
     share, slope = followed(joint_parts([group.table for group in groups], j, "theta_ref"))
+    if slope is None:
+        return None
     ahead = [goal - theta for theta, goal in pairs]
     away = [float(np.median(np.abs(x))) for x in ahead]
     k = int(np.argmax(away))
-    if slope is not None and share > FOLLOWS and not 1 / SAME_UNIT < slope < SAME_UNIT:
-        found = f"moves {number(abs(slope), 3)} times as far as the position" + " the other way" * (slope < 0)
+    if slope < 0 and share > FOLLOWS:
+        key = Proposal(("joints", joint, "theta_ref"), "sign", -signal.sign)
+        return fault(k, "turns the other way than the position, expected the same", key)
+    if share > FOLLOWS and not 1 / SAME_UNIT < slope < SAME_UNIT:
+        found = f"moves {number(slope, 3)} times as far as the position"
         proposals = unit_of(mapping, robot, j, pairs, slope)
         return fault(k, f"{found}, expected the goal in the unit of the position, [{unit}]", *proposals)
     if away[k] <= FARTHEST:

@@ -22,7 +22,7 @@ from flexviz.data.importing.delays import (
     delay_issues,
     torque_delay,
 )
-from flexviz.data.importing.goals import GoalFault, goal_faults
+from flexviz.data.importing.goals import GoalFault, constant_goals, goal_faults
 from flexviz.data.importing.samples import SPOILT
 from flexviz.data.logs import (
     AssembledGroup,
@@ -184,7 +184,8 @@ def read_and_check(
             groups = read_groups(mapping, file, file.absolute().parent, progress, should_stop)
             progress(Progress("comparing with the robot", 0.0))
             found = check_all(mapping, robot, payloads, groups)
-            faults = goal_faults(mapping, robot, groups) if mapping.drive is not None else []
+            if mapping.drive is not None:
+                faults = [*constant_goals(mapping, groups), *goal_faults(mapping, robot, groups)]
             proposals = [proposal for one in (*found, *faults) for proposal in one.proposals]
         except CoarseClock as error:
             if not mend or error.proposal is None or str(error.proposal) in mended:

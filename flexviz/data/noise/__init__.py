@@ -1,7 +1,7 @@
 """Measurement noise, and what recorded signals can be trusted for."""
 
 from flexviz.data.noise.check import check_signals, noise_notes
-from flexviz.data.noise.estimates import count_of, resolution, segments_noise, white_noise
+from flexviz.data.noise.estimates import resolution, segments_noise, white_noise
 from flexviz.data.noise.filtered import FilteredLog, filtered_before_writing
 from flexviz.data.noise.findings import Channel, Remedy, SampleFinding
 from flexviz.data.noise.jumps import check_jumps, column_findings, outliers
@@ -20,7 +20,6 @@ __all__ = [
     "check_repeats",
     "check_signals",
     "column_findings",
-    "count_of",
     "filtered_before_writing",
     "has_sign_bit",
     "may_be_signed",
