@@ -126,6 +126,14 @@ def test_the_unit_is_found_and_a_gripper_in_another_is_left_out(unit: str, urdf:
     assert f"# same = {json.dumps(list(done.joints))[:-1]}" in done.text.replace("[[", "[")
 
 
+def test_radians_beyond_the_limits_are_no_degrees(urdf: Path) -> None:
+    run = motion()
+    for x in (run.theta, run.goal):
+        x[:, 1] += 1.2  # of 1.5: its zero is not the URDF's
+    done = imported(urdf, [write(urdf.parent / "run.parquet", columns_of(run))])
+    assert np.array_equal(done.theta, run.theta[:, :3])
+
+
 @pytest.mark.parametrize("version", ["v2.1", "v3.0"])
 @pytest.mark.parametrize("unit", ["deg", "per cent"])
 def test_lerobot_datasets_of_an_arm_with_a_gripper(version: str, unit: str, urdf: Path) -> None:

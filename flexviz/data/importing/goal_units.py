@@ -1,13 +1,13 @@
 """The unit of angles that are logged with goals and no torque.
 
-Right is the unit in which most joints stay within their limits and one count of their encoders is alike: in
-per cent of a calibrated range it differs from joint to joint, and a joint whose count differs is in another.
+Right is the unit in which the joints stay about within their limits and their encoders' counts are alike. In
+per cent of a calibrated range counts differ from joint to joint; a joint whose count differs is in another unit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from flexviz.data.logs import ANGLE
 from flexviz.data.measurements import Array, GroupTable
 from flexviz.robot.robot import Robot
 
-WITHIN = 0.05  # of its range, by which a joint may be beyond its limits
+WITHIN = 0.5  # of its range, by which a joint may be beyond its limits: a servo's zero is set by hand
 FULL = 100.0  # per cent of half a range
 COUNT = 2 * np.pi / 4096  # [rad] of a servo's encoder
 ALIKE = 1.02  # by which counts of one kind may differ
@@ -76,26 +76,30 @@ def state_units(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> boo
     lower, upper = limits(robot)
     room = WITHIN * (upper - lower)
 
-    def fits(unit: GoalUnit) -> tuple[int, int, Array]:
-        inside = (low * unit.size + unit.zero >= lower - room) & (
-            high * unit.size + unit.zero <= upper + room
-        )
-        angle = count * unit.size
-        usual = COUNT if unit.slack > ALIKE else float(np.median(angle[count > 0])) if any(count) else COUNT
-        exact = np.abs(np.log(np.where(count > 0, angle, np.inf) / usual)) < np.log(unit.slack)
-        return int(np.sum(inside & exact)), int(np.sum(inside)), exact
+    def alike(unit: GoalUnit, usual: float) -> Array:
+        angle = np.where(count > 0, count * unit.size, np.inf)
+        return np.abs(np.log(angle / usual)) < np.log(unit.slack)
 
-    units = known_units(robot)
-    marks = [fits(unit) for unit in units]
-    best = max(range(len(units)), key=lambda i: marks[i][:2])
-    unit, (certain, inside, exact) = units[best], marks[best]
+    def fits(unit: GoalUnit) -> tuple[int, int, int]:
+        least, most = low * unit.size + unit.zero, high * unit.size + unit.zero
+        inside = (least >= lower - room) & (most <= upper + room)
+        certain = inside & alike(unit, COUNT), inside & alike(unit, usual(unit))
+        return int(np.sum(certain[0])), int(np.sum(certain[1])), int(np.sum(inside))
+
+    def usual(unit: GoalUnit) -> float:
+        """What one count is in this unit [rad]; calibrated ranges do not tell."""
+        known = count[count > 0]
+        return COUNT if unit.slack > ALIKE or not len(known) else float(np.median(known) * unit.size[0])
+
+    units = [unit for unit in known_units(robot) if unit.zero[0] != -np.pi or low.min() >= 0]
+    unit = max(units, key=fits)
+    _, certain, inside = fits(unit)
     if not inside:
         return False
-    other = (count > 0) & ~exact if certain > max(1, robot.n // 2) else np.zeros(robot.n, dtype=bool)
+    other = (count > 0) & ~alike(unit, usual(unit)) & (certain > max(1, robot.n // 2))
     if unit.slack > ALIKE:  # the encoder knows the calibrated range
-        unit = GoalUnit(
-            None, np.where((count > 0) & ~other, COUNT / np.where(count > 0, count, 1), unit.size), unit.zero
-        )
+        known = (count > 0) & ~other
+        unit = replace(unit, size=np.where(known, COUNT / np.where(known, count, 1.0), unit.size))
     for j, joint in enumerate(robot.joints):
         if other[j]:
             draft.leave_out(joint, Fact("other-unit", joints=(joint,)).text)
