@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +17,7 @@ from flexviz.base.errors import InputError
 from flexviz.data.importing import import_logs, inspect_logs
 from flexviz.data.logs import read_mapping
 from flexviz.data.measurements import read_set
-from tests.controller_logs import bag
+from tests.controller_logs import TYPES, bag
 from tests.import_data import write_lerobot_goals
 from tests.shared_data import REAL
 
@@ -151,18 +152,24 @@ def test_lerobot_datasets_of_an_arm_with_a_gripper(version: str, unit: str, urdf
     assert np.abs(lead - (runs[0].goal - runs[0].theta)[:, :3]).max() < 2 * COUNT
 
 
-def test_a_trajectory_controllers_state(urdf: Path) -> None:
+@pytest.mark.parametrize("goal, position", [("reference", "feedback"), ("desired", "actual")])
+def test_a_trajectory_controllers_state(goal: str, position: str, urdf: Path, monkeypatch: Any) -> None:
+    kind = "control_msgs/msg/JointTrajectoryControllerState"
+    names = {"reference": goal, "feedback": position}
+    definition = TYPES[kind]
+    for name, other in names.items():
+        definition = definition.replace(f"JointTrajectoryPoint {name}", f"JointTrajectoryPoint {other}")
+    monkeypatch.setitem(TYPES, kind, definition)
     run = motion()
     run.theta, run.goal = run.theta[:, :3], run.goal[:, :3]
 
     def state(run: SimpleNamespace, k: int, header: dict[str, object]) -> dict[str, object]:
         empty = {"velocities": [], "accelerations": [], "effort": []}
         empty |= {"time_from_start": {"sec": 0, "nanosec": 0}}
-        points = {"reference": {"positions": [*run.goal[k]], **empty}}
-        points |= {"feedback": {"positions": [*run.theta[k]], **empty}}
+        points = {goal: {"positions": [*run.goal[k]], **empty}}
+        points |= {position: {"positions": [*run.theta[k]], **empty}}
         return {"header": header, "joint_names": ARM, **points}
 
-    kind = "control_msgs/msg/JointTrajectoryControllerState"
     log = bag(urdf.parent, run, {"/arm_controller/controller_state": (kind, state)})  # type: ignore[arg-type]
     done = imported(urdf, [log])
     assert list(done.joints) == ARM
@@ -186,6 +193,16 @@ def test_the_records_of_bam(urdf: Path, tmp_path: Path) -> None:
     done = imported(one, [log])
     assert np.allclose(done.goal[:, 0], run.goal[:, 0])
     assert "load is a servo's load in no known unit" in done.text
+
+
+def test_goals_and_positions_in_two_files(urdf: Path) -> None:
+    run = motion()
+    columns = columns_of(run)
+    logs = [
+        write(urdf.parent / f"{kind}.parquet", {x: y for x, y in columns.items() if x == "time" or kind in x})
+        for kind in ("present_position", "goal_position")
+    ]
+    assert np.array_equal(imported(urdf, logs).goal, run.goal[:, :3])
 
 
 def changed(columns: Columns, **values: np.ndarray | None) -> Columns:
@@ -216,19 +233,29 @@ def test_goals_that_are_missing_in_rows_hold(urdf: Path) -> None:
     assert any("600 rows lack a goal" in note for note in done.notes)
 
 
-@pytest.mark.parametrize("kind", ["degrees", "zero", "counts"])
+@pytest.mark.parametrize("kind", ["degrees", "zero", "counts", "sign"])
 def test_a_goal_in_another_unit_than_the_position(kind: str, urdf: Path) -> None:
     run = motion()
     columns = columns_of(run)
     log = write(urdf.parent / "run.parquet", columns)
     mapping = mapping_of(urdf, [log])  # of the right log
     goal = run.goal[:, 0]
-    wrong = {"degrees": np.degrees(goal), "zero": goal + np.pi, "counts": np.round(goal / COUNT) + 2048}[kind]
+    wrong = {
+        "degrees": np.degrees(goal),
+        "zero": goal + np.pi,
+        "counts": np.round(goal / COUNT) + 2048,
+        "sign": -goal,
+    }[kind]
     write(log, changed(columns, pan=wrong))
     with pytest.raises(InputError) as refused:
         import_logs(mapping, None)
     message = str(refused.value)
-    key = {"degrees": 'unit = "deg"', "zero": "offset = -3.14", "counts": "unit = 0.00153398"}[kind]
+    key = {
+        "degrees": 'unit = "deg"',
+        "zero": "offset = -3.14",
+        "counts": "unit = 0.00153398",
+        "sign": "sign = -1",
+    }[kind]
     for said in ("run.parquet", "column goal_position.pan", "expected", key, "theta_ref of [joints.pan]"):
         assert said in message
     near = 0.01 if kind == "zero" else 3 * COUNT

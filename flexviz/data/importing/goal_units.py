@@ -1,7 +1,7 @@
 """The unit of angles that are logged with goals and no torque.
 
 Right is the unit in which the joints stay about within their limits and their encoders' counts are alike. In
-per cent of a calibrated range counts differ from joint to joint; a joint whose count differs is in another unit.
+per cent of a calibrated range counts differ from joint to joint; one that differs alone is in another unit.
 """
 
 from __future__ import annotations
