@@ -14,7 +14,7 @@ import pyarrow.parquet as papq
 import pytest
 
 from flexviz.base.errors import InputError
-from flexviz.data.importing import import_logs, inspect_logs
+from flexviz.data.importing import edited, gaps, import_logs, inspect_logs
 from flexviz.data.logs import read_mapping
 from flexviz.data.measurements import read_set
 from tests.controller_logs import TYPES, bag
@@ -309,3 +309,15 @@ def test_the_draft_of_so101_needs_no_edit(tmp_path: Path) -> None:
     assert (
         '# same = [["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]]' in done.text
     )
+
+
+def test_a_form_asks_for_goals_and_not_for_torques(urdf: Path) -> None:
+    columns = columns_of(motion())
+    draft = inspect_logs([write(urdf.parent / "run.parquet", columns)], str(urdf)).draft
+    assert gaps(draft) == []
+    del draft.joints["lift"].signals["theta_ref"]
+    assert gaps(draft) == ["the column of the goal of θ of lift"]
+    mapping = urdf.parent / "mapping.toml"
+    mapping.write_text(edited(draft).text(mapping), encoding="utf-8")
+    with pytest.raises(InputError, match=r"joints\.lift\.theta_ref: is missing, .*θ and its goal"):
+        read_mapping(mapping)
