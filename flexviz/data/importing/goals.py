@@ -15,8 +15,8 @@ from flexviz.data.measurements import FARTHEST, LEAST_GOALS, Array
 from flexviz.robot.robot import Robot
 
 FOLLOWS = 0.6  # squared correlation with the position from which its factor is trusted
-SAME_UNIT = 5.0  # times the position's motion, or its inverse, by which a goal in the same unit may move
-NEAR = 2.0  # the same for a goal in the right unit
+SAME_UNIT = 10.0  # times the position's motion, or its inverse, by which a goal in the same unit may move
+NEAR = 5.0  # the same for a goal in the right unit
 
 
 @dataclass(frozen=True)
