@@ -13,7 +13,6 @@ from flexviz.content.wording import escape, issue_text, listed, number, plural
 from flexviz.data.importing import ColumnPreview, Draft, LogPreview, Proposal
 from flexviz.data.importing import Mapping as LogMapping
 
-# the first two are needed, the others are for comparison
 OWN_SIGNALS = {"theta": "θ", "tau": "τ", "q": "q", "tau_joint": "joint torque", "theta_ref": "reference"}
 WIDTH, HEIGHT = 84, 30  # [px] of a small plot
 KEYS = {"unit": "unit", "side": "side", "sign": "sign", "offset": "offset"}
@@ -39,10 +38,10 @@ def scales_of(mapping: LogMapping) -> dict[tuple[str, str], float]:
 
 
 def shown_signals(draft: Draft) -> dict[str, str]:
-    """Signal -> symbol of the rows: θ, τ, and what else a joint has a column of."""
+    """Signal -> symbol of the rows: θ, τ or its goal, and what else a joint has a column of."""
     present = {name for joint in draft.joints.values() for name in joint.signals}
-    needed = list(OWN_SIGNALS)[:2]
-    return {name: symbol for name, symbol in OWN_SIGNALS.items() if name in needed or name in present}
+    shown = {*present, *draft.needed}
+    return {name: symbol for name, symbol in OWN_SIGNALS.items() if name in shown}
 
 
 def own_columns_html(

@@ -12,6 +12,7 @@ from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import clock_offsets, in_ms
 from flexviz.data.importing.draft import Draft, Questions
 from flexviz.data.importing.goal_units import state_units
+from flexviz.data.importing.goals import goal_faults
 from flexviz.data.importing.scales import find_scales
 from flexviz.data.logs import (
     AssembledGroup,
@@ -30,12 +31,12 @@ def correct(
     draft: Draft, logs: Sequence[Log], asked: Questions, progress: ProgressCallback, should_stop: StopCallback
 ) -> list[Issue]:
     """Let the data correct units, sides, signs and clocks; the issues that remain."""
-    robot = Robot.load(draft.robot, tuple(draft.joints), gravity=draft.gravity)
     remaining: list[Issue] = []
     shifted = False
     for round_ in range(CORRECTION_ROUNDS):
         progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
         check_stop(should_stop)
+        robot = Robot.load(draft.robot, tuple(draft.joints), gravity=draft.gravity)
         mapping = draft.mapping().for_joints(robot.prismatic, Path("mapping"))
         entries = zip(logs, mapping.logs, strict=False)
         try:
@@ -51,7 +52,14 @@ def correct(
             shifted = True
             shift_clocks(draft, groups[0])
         if draft.drive:
-            state_units(draft, robot, [group.table for group in groups])
+            if state_units(draft, robot, [group.table for group in groups]):
+                continue
+            faults = goal_faults(mapping, robot, groups)
+            for fault in faults:
+                draft.accept(fault.proposals, fault.message)
+            if any(fault.proposals for fault in faults):
+                continue
+            draft.missing += [str(fault.error()) for fault in faults]
         elif find_scales(draft, robot, [group.table for group in groups]):
             continue
         remaining = check_all(mapping, robot, {"none": ()}, groups, guessed=True)

@@ -24,10 +24,6 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 # Correct what is wrong, then:  flexviz import {name} --out SET
 # Every key: docs/importing.md. torque_hold, [initial], [controller] and [model] of a set may stand here too.
 """
-SERVO_EXAMPLE = [
-    "# kp = […]",
-    '# same = [["…", "…"]]  # alike servos',
-]
 PAYLOAD_EXAMPLE = [
     "# [payloads.p1]  # mass [kg], com [m] and inertia [kg m²] in the link's frame",
     '# bodies = [{ link = "…", mass = 2.0, com = [0, 0, 0], inertia = [0.01, 0.01, 0.01, 0, 0, 0] }]',
@@ -88,6 +84,7 @@ class Draft:
         default_factory=list
     )  # keys for the user to decide, and why
 
+    alike: list[str] = field(default_factory=list)  # comments: joints that may have one type of servo
     accepted: list[Proposal] = field(default_factory=list)  # of the logs and of the whole
 
     @property
@@ -118,6 +115,11 @@ class Draft:
         payloads = {name: {"bodies": bodies} for name, bodies in {"none": [], **self.payloads}.items()}
         return proposed(document | {"payloads": payloads, "logs": logs, "joints": joints}, self.accepted)
 
+    def leave_out(self, joint: str, why: str) -> None:
+        """Draft no entry for a joint, which is then locked at zero; the reason stands among what was seen."""
+        del self.joints[joint]
+        self.seen.append(f"  left out: {why}")
+
     def apply(self, fixes: tuple[Fix, ...], why: str) -> None:
         """Apply fixes, and comment on the reason."""
         for fix in fixes:
@@ -147,7 +149,7 @@ class Draft:
         tables = ("time", "payloads", "logs", "joints")
         lines += toml.dumps({key: document[key] for key in document if key not in tables}).splitlines()
         if self.drive:
-            lines += SERVO_EXAMPLE
+            lines += ["# kp = […]  # Nm/rad, where it is known", *self.alike]
         if model := self.proposed("model"):
             lines += ["", "# [model]", *model]
         lines += ["", *self.proposed(), *(f"# {line}" for line in self.seen)]

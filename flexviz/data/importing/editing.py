@@ -10,7 +10,7 @@ from typing import Any, Literal
 from flexviz.base.errors import InputError
 from flexviz.data.importing.draft import DEFAULTS, Draft, DraftJoint
 from flexviz.data.importing.previewing import LogPreview
-from flexviz.data.logs import CURRENT, NEEDED
+from flexviz.data.logs import CURRENT
 
 Constant = Literal["gear", "torque_constant"]
 LARGEST = 1e9  # of a typed number
@@ -106,7 +106,8 @@ def gaps(draft: Draft) -> list[str]:
     """What must still be stated, one sentence each."""
     joints = used(draft).joints
     found = []
-    for name, title in zip(NEEDED, ("θ (motor angle)", "τ (motor torque or current)"), strict=True):
+    driving = "the goal of θ" if draft.drive else "τ (motor torque or current)"
+    for name, title in zip(draft.needed, ("θ (motor angle)", driving), strict=True):
         lacking = [joint for joint, entry in joints.items() if name not in entry.signals]
         if lacking or not joints:
             found.append(f"the column of {title}" + (f" of {', '.join(lacking)}" if joints else ""))
@@ -122,7 +123,9 @@ def gaps(draft: Draft) -> list[str]:
 
 def used(draft: Draft) -> Draft:
     """The draft without the joints that have no column."""
-    joints = {name: joint for name, joint in draft.joints.items() if any(s in joint.signals for s in NEEDED)}
+    joints = {
+        name: joint for name, joint in draft.joints.items() if any(s in joint.signals for s in draft.needed)
+    }
     return replace(draft, joints=joints)
 
 

@@ -22,6 +22,7 @@ from flexviz.data.importing.delays import (
     delay_issues,
     torque_delay,
 )
+from flexviz.data.importing.goals import GoalFault, constant_goals, goal_faults
 from flexviz.data.importing.samples import SPOILT
 from flexviz.data.logs import (
     AssembledGroup,
@@ -177,12 +178,15 @@ def read_and_check(
 ) -> tuple[Mapping, list[AssembledGroup], list[Issue], tuple[str, ...]]:
     """The mapping, mended if asked, its groups, their issues, and the keys that were set."""
     mended: list[str] = []
+    faults: list[GoalFault] = []
     for _ in range(MOST_ROUNDS):
         try:
             groups = read_groups(mapping, file, file.absolute().parent, progress, should_stop)
             progress(Progress("comparing with the robot", 0.0))
             found = check_all(mapping, robot, payloads, groups)
-            proposals = [proposal for issue in found for proposal in issue.proposals]
+            if mapping.drive is not None:
+                faults = [*constant_goals(mapping, groups), *goal_faults(mapping, robot, groups)]
+            proposals = [proposal for one in (*found, *faults) for proposal in one.proposals]
         except CoarseClock as error:
             if not mend or error.proposal is None or str(error.proposal) in mended:
                 raise
@@ -195,6 +199,8 @@ def read_and_check(
         document = proposed(document, proposals)
         mapping = parse_mapping(document, file).for_joints(robot.prismatic, file)
         robot = robot.mounted(mapping.gravity or robot.gravity)
+    for fault in faults:
+        raise fault.error()
     return mapping, groups, found, tuple(mended)  # type: ignore[possibly-unbound]
 
 
@@ -292,10 +298,15 @@ def read_back(new: Path, target: Path) -> MeasurementSet:
         file = None if error.file is None else error.file.replace(place, str(target))
         message = error.message.replace(str(new), str(target))
         raise InputError(message, file=file, place=error.place) from None
-    warnings = tuple(
-        replace(warning, file=warning.file.replace(place, str(target))) for warning in measurements.warnings
-    )
+    warnings = tuple(named_at(warning, place, str(target)) for warning in measurements.warnings)
     return replace(measurements, warnings=warnings)
+
+
+def named_at(fact: Fact, place: str, target: str) -> Fact:
+    """A fact whose files are in `target` instead of `place`."""
+    files = tuple(str(file).replace(place, target) for file in fact.values.get("files", ()))
+    values = {**fact.values, **({"files": files} if files else {})}
+    return replace(fact, file=fact.file.replace(place, target), values=values)
 
 
 def issue_json(issue: Issue) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexviz.base import toml
 from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.checks import Issue
@@ -37,8 +38,9 @@ from flexviz.data.logs import (
     likely_clocks,
     open_run,
     reason_of,
+    words,
 )
-from flexviz.data.measurements import Array, read_robot
+from flexviz.data.measurements import LEAST_GOALS, Array, read_robot
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import Robot
 
@@ -49,7 +51,7 @@ TITLES = {
     "tau": "the motor torque τ (or the current)",
     "q": "the link position q (for comparison only)",
     "tau_joint": "the joint torque sensor (for comparison only)",
-    "theta_ref": "the reference of θ (for replay only)",
+    "theta_ref": "the reference of θ, its goal (drives the joints where there is no torque)",
 }
 STUBS = {  # what else its line may need
     "theta": 'unit = "deg" if not rad; from before the gear: side = "motor", and gear = its ratio',
@@ -102,6 +104,8 @@ def inspect_logs(
     if draft.missing:
         draft.seen += describe_unused(logs[0], [*used, str(draft.time.get("column", ""))])
     fill_joints(draft, roles, whole, clock, logs[0])
+    if draft.drive:
+        leave_out_constant(draft, sources, logs, options)
     if ready is not None and not draft.drive:
         tell_ready(draft, ready, asked)
     elif "tau" in roles and not draft.drive:
@@ -112,20 +116,22 @@ def inspect_logs(
         draft.validation = {draft.groups[i] for i in chosen}
     if draft.missing:
         return Inspection(draft, ())
-    return Inspection(draft, tuple(correct(draft, logs, asked, progress, should_stop)))
+    issues = tuple(correct(draft, logs, asked, progress, should_stop))
+    draft.alike = alike_servos(list(draft.joints), whole) if draft.drive else []
+    return Inspection(draft, issues)
 
 
 def paired(
     sources: Sequence[LogSource], first: Log, joints: Sequence[str], options: ReadOptions
 ) -> list[LogSource]:
-    """The sources with files that hold θ and τ of the same runs put together; [] where they do not.
+    """The sources with files that hold θ and τ, or goals, of the same runs put together; [] if they do not.
 
     Only where the `first` lacks one of both, and there are as many files of each kind (with equal columns).
     """
 
-    def lacks_signal(log: Log) -> bool:
+    def lacks_signal(log: Log, needed: Sequence[str] = NEEDED) -> bool:
         families = families_of(log, joints)
-        return not all(candidates(families, name).families for name in NEEDED)
+        return not all(candidates(families, name).families for name in needed)
 
     if len(sources) < 2 or sources[0].episode is not None or not lacks_signal(first):
         return []
@@ -135,7 +141,12 @@ def paired(
     runs = list(zip(*kinds.values(), strict=False))
     together = [LogSource(run[0].path, beside=tuple(other.path for other in run[1:])) for run in runs]
     whole = len(runs) * len(kinds) == len(sources) and 1 < len(kinds) <= len(LETTERS)
-    return together if whole and not lacks_signal(open_run(together[0], options)) else []
+    if not whole:
+        return []
+    run = open_run(together[0], options)
+    goals = ("theta", "theta_ref")
+    complete = not lacks_signal(run) or (lacks_signal(first, goals) and not lacks_signal(run, goals))
+    return together if complete else []
 
 
 def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
@@ -255,18 +266,21 @@ def choose_roles(
 
 
 def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bool:
-    """Whether goals stand in for the torque: there is none, or only a current without a sign.
+    """Whether goals stand in for the torque: there is none, or a register that is none.
 
-    Such a current is left out of `roles`.
+    That is a current without a sign, or a load without a unit; it is left out of `roles`.
     """
     if "theta_ref" not in roles:
         return False
     torque = roles.get("tau")
     if torque is not None:
         signed = any(np.nanmin(log.columns[c].columns[c]) < 0 for c in torque.columns.values())
-        if torque.meaning.quantity != "current" or signed or torque.stated.get("sign_bit") is not None:
+        current = torque.meaning.quantity == "current"
+        load = "load" in words(torque.name) and torque.meaning.unit is None and "unit" not in torque.stated
+        if not load and (not current or signed or torque.stated.get("sign_bit") is not None):
             return False
-        seen.append(f"  {Fact('unsigned-current', columns=(torque.name,))}")
+        kind = "unsigned-current" if current else "load-register"
+        seen.append(f"  {Fact(kind, columns=(torque.name,))}")
         del roles["tau"]
     seen.append(f"  {Fact('goals-drive', columns=(roles['theta_ref'].name,))}")
     return True
@@ -279,6 +293,14 @@ def fill_joints(
     needed = [set(roles[name].columns) for name in draft.needed if name in roles]
     covered = set.intersection(*needed) if needed else set(robot.joints)
     every = log.columns
+    for joint in robot.joints if draft.drive else ():
+        columns = {name: roles[name].columns.get(joint) for name in draft.needed if name in roles}
+        if joint not in covered and any(columns.values()):
+            lacks = tuple(name for name, column in columns.items() if column is None)
+            only = tuple(column for column in columns.values() if column)
+            draft.seen.append(
+                f"  left out: {Fact('half-recorded', 'odd', (joint,), columns=only, values={'lacks': lacks})}"
+            )
     for joint in (joint for joint in robot.joints if joint in covered):
         entry = draft.joints[joint] = DraftJoint()
         for name, family in roles.items():
@@ -300,6 +322,43 @@ def fill_joints(
         draft.missing.append(f"no joint has {' and '.join(TITLES[name] for name in draft.needed)}")
 
 
+def leave_out_constant(
+    draft: Draft, sources: Sequence[LogSource], logs: Sequence[Log], options: ReadOptions
+) -> None:
+    """Leave out the joints whose goal is the same in all logs: nothing is learned of their servos."""
+
+    def changes(log: Log, joint: str, name: str = "theta_ref") -> bool:
+        column = draft.joints[joint].signals[name]["from"]
+        values = log.columns[column].columns[column]
+        return len(np.unique(values[np.isfinite(values)])) >= LEAST_GOALS
+
+    still = [joint for joint in draft.joints if not any(changes(log, joint) for log in logs)]
+    for source in sources[len(logs) :] if still else ():
+        log = open_run(source, options)
+        still = [joint for joint in still if not changes(log, joint)]
+    for joint in still if len(still) < len(draft.joints) else ():
+        goal, theta = (draft.joints[joint].signals[name]["from"] for name in ("theta_ref", "theta"))
+        stands = float(np.nanmedian(logs[0].columns[theta].columns[theta]))
+        draft.leave_out(
+            joint, Fact("constant-goal", "odd", (joint,), columns=(goal,), values={"at": stands}).text
+        )
+
+
+def alike_servos(joints: Sequence[str], robot: Robot) -> list[str]:
+    """The key for joints of one effort limit, as comments: their servos may be of one type."""
+    by_effort: dict[float, list[str]] = {}
+    for joint in joints:
+        by_effort.setdefault(float(robot.effort_limit[robot.joints.index(joint)]), []).append(joint)
+    groups = {x: group for x, group in by_effort.items() if len(group) > 1 and 0.0 < x < np.inf}
+    if not groups:
+        return ['# same = [["…", "…"]]  # joints with one type of servo'] if len(joints) > 1 else []
+    efforts = tuple(groups)
+    return [
+        f"# {Fact('alike-servos', values={'efforts': efforts})}",
+        f"# same = {toml.value_text(list(groups.values()))}",
+    ]
+
+
 def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Questions) -> None:
     """Ask for torque constants of currents: never guessed, because they set the scale of every result."""
     if "tau" not in roles or roles["tau"].meaning.quantity != "current":
@@ -309,7 +368,10 @@ def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Quest
     constants = asked.numbers(question, len(joints))
     gears = asked.numbers("gear ratio", len(joints), signed=True) if constants else None
     if constants is None:
-        draft.missing.append("torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet)")
+        other = ', or [drive] from = "goal" to use theta_ref instead' if "theta_ref" in roles else ""
+        draft.missing.append(
+            f"torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet){other}"
+        )
     for i, joint in enumerate(joints):
         entry = draft.joints[joint]
         entry.comment("torque_constant", "[Nm/A], on the side of tau")

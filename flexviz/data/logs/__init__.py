@@ -2,7 +2,17 @@
 
 from flexviz.data.logs.assembling import AssembledGroup, Trace, Traces, assemble
 from flexviz.data.logs.clocks import CoarseClock, coarse_clock, guess_clocks, guess_unit, likely_clocks
-from flexviz.data.logs.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, Meaning, Quantity
+from flexviz.data.logs.column_names import (
+    ANGLE,
+    CURRENT,
+    FORCE,
+    LENGTH,
+    TIME,
+    TORQUE,
+    Meaning,
+    Quantity,
+    words,
+)
 from flexviz.data.logs.columns import ColumnFamily, candidates, families_of, pattern
 from flexviz.data.logs.columns import reason as reason_of
 from flexviz.data.logs.conversions import GEARS, ColumnChange, change_of, conversions, theta_changes
@@ -64,4 +74,5 @@ __all__ = [
     "read_mapping",
     "reason_of",
     "theta_changes",
+    "words",
 ]

@@ -210,7 +210,8 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
     values: dict[tuple[str, str], Array] = {}
     keep = np.ones(len(time), dtype=bool)
     for key in (key for key in traces if key[1] in mapping.needed):
-        values[key], usable = needed(traces[key], time, base, notes)
+        joined = held if key[1] == "theta_ref" else needed
+        values[key], usable = joined(traces[key], time, base, notes)
         keep &= usable
         if np.count_nonzero(keep) < SHORTEST:
             raise no_overlap(traces[key], base, log, file)
@@ -223,7 +224,7 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
         columns["tau"] = columns["theta_ref"] - columns["theta"]  # type: ignore[operator]
     zero = float(time[0])
     names = entry.group, entry.trajectory or entry.group, entry.payload
-    columns |= {"validation": entry.validation, "temperature": entry.temperature}
+    columns |= {"validation": entry.validation, "temperature": entry.temperature, "kp_scale": entry.kp_scale}
     columns |= {"kind": entry.kind, "clamped": entry.clamped}
     table = GroupTable(*names, time - zero, **columns)  # type: ignore[arg-type]
     return AssembledGroup(entry, log.kind, table, traces, zero, tuple(dict.fromkeys(notes)))
@@ -255,6 +256,16 @@ def needed(trace: Trace, time: Array, base: Trace, notes: list[str]) -> tuple[Ar
             f"({1 / base.step:.5g} Hz) by interpolation"
         )
     return values, covered & ~gap
+
+
+def held(trace: Trace, time: Array, base: Trace, notes: list[str]) -> tuple[Array, Bools]:
+    """The goal at `time` (N,), which holds until the next one is sent, and where there is one."""
+    if not np.array_equal(trace.time, base.time):
+        lacking = f"{len(base.time) - len(trace.time)} rows lack a goal" if trace.clock == base.clock else ""
+        why = lacking or f'"{trace.clock}" has its own instants'
+        notes.append(f'"{trace.column}": {why}; a goal holds until the next one')
+    before = np.searchsorted(trace.time, time, side="right") - 1
+    return trace.values[np.maximum(before, 0)], (before >= 0) & (time <= trace.reach[1])
 
 
 def optional(trace: Trace, time: Array, notes: list[str]) -> Array | None:

@@ -53,7 +53,7 @@ CLEAR_WORDS: dict[Quantity, str] = {
     "acceleration": "acc accel acceleration accelerations qddot ddot",
     "torque": "tau torque torques trq effort efforts eff moment moments drehmoment load",
     "current": "current currents curr amps strom",
-    "other": "temp temperature volt voltage pose tcp status mode error err temperatur power pwm",
+    "other": "temp temperature volt voltage pose tcp status mode error err temperatur power pwm enable",
 }
 VAGUE_WORDS: dict[Quantity, str] = {
     "position": "q th state qm ql",

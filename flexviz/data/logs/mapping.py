@@ -152,6 +152,7 @@ class LogEntry(StrictTable):
     payload: Text = "none"
     validation: bool = False
     temperature: Temperatures | None = None
+    kp_scale: Annotated[float, Field(gt=0.0, le=1e6)] = 1.0  # of the servos' gain, relative to other logs
     start: NotNegative = Field(default=0.0, alias="from")  # [s] after the log's first sample
     stop: Positive | None = Field(default=None, alias="to")  # [s]
     leave_out: list[Annotated[list[NotNegative], Field(min_length=2, max_length=2)]] = Field(

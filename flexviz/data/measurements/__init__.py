@@ -10,7 +10,7 @@ from flexviz.data.measurements.data import (
     Group,
     Segment,
 )
-from flexviz.data.measurements.drive import Drive
+from flexviz.data.measurements.drive import FARTHEST, LEAST_GOALS, Drive
 from flexviz.data.measurements.group_reading import read_payloads, read_robot
 from flexviz.data.measurements.group_table import GroupTable
 from flexviz.data.measurements.holds import HoldGroup, Holds, find_holds
@@ -45,8 +45,10 @@ from flexviz.data.measurements.writing import SUFFIXES, check_free, write_set
 
 __all__ = [
     "CELL",
+    "FARTHEST",
     "FILE_NAME",
     "GAP",
+    "LEAST_GOALS",
     "OPTIONAL_SIGNALS",
     "POINTS",
     "SUFFIXES",

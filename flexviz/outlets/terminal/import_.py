@@ -166,7 +166,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
             f"{100 * done.delay.share:.2f} % of all torques and {100 * max(least, 0.0):.2f} % of that "
             f"of {joint}"
         )
-    elif not done.wrong:
+    elif not done.wrong and any(("tau" in {name for _, name in group.traces}) for group in done.groups):
         lines.append("these data do not show whether torque and motion agree in time")
     lines += [f"looks {s.severity}: {issue_text(s)}" for s in done.issues]
     lines += [f"warning: {warning}" for warning in done.warnings]

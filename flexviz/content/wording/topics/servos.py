@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexviz.base.facts import Fact
-from flexviz.base.spelling import listed
+from flexviz.base.spelling import listed, number
 from flexviz.content.wording.facts import says
 
 STAGES = {
@@ -51,6 +51,46 @@ def unsigned_current(fact: Fact) -> str:
     return f"{fact.columns[0]} is a current without a sign, which is no torque"
 
 
+@says("load-register")
+def load_register(fact: Fact) -> str:
+    """Why a log's load is not its torque."""
+    return f"{fact.columns[0]} is a servo's load in no known unit, which is no torque"
+
+
+@says("half-recorded")
+def half_recorded(fact: Fact) -> str:
+    """A joint of which a log has the goal or the position only."""
+    lacks = {"theta": "position", "theta_ref": "goal"}[fact.values["lacks"][0]]
+    return f"{fact.joints[0]} has {fact.columns[0]} and no {lacks}, expected both; it is locked at 0"
+
+
+@says("constant-goal")
+def constant_goal(fact: Fact) -> str:
+    """A joint whose servo holds still."""
+    return (
+        f"{fact.joints[0]}: {fact.columns[0]} does not change in any log, and nothing is learned of a servo "
+        f"that stands still; it is locked at 0, its position column stands at {number(fact.values['at'])}"
+    )
+
+
+@says("other-unit")
+def other_unit(fact: Fact) -> str:
+    """A joint that is no angle, or in a unit of its own."""
+    return (
+        f"{fact.joints[0]}: its encoder's count differs from that of the other joints, so it is in another "
+        "unit (per cent of its range?); locked at 0 unless unit and offset of theta and theta_ref are stated"
+    )
+
+
+@says("alike-servos")
+def alike_servos(fact: Fact) -> str:
+    """Joints that may have one type of servo."""
+    efforts = listed([f"{effort:g} Nm" for effort in fact.values["efforts"]])
+    return (
+        f"joints with the same effort limit ({efforts}); if they have one type of servo, it is fitted once:"
+    )
+
+
 @says("goals-drive")
 def goals_drive(fact: Fact) -> str:
     """What stands in for a torque."""
@@ -60,4 +100,4 @@ def goals_drive(fact: Fact) -> str:
 @says("unit-by-limits")
 def unit_by_limits(fact: Fact) -> str:
     """How the unit of angles without a torque was found."""
-    return "the unit in which all joints stay within their limits"
+    return "the unit in which the joints stay within their limits and one encoder's count is like another's"
