@@ -32,10 +32,11 @@ from flexviz.checks.joint_fit import (
     reduced,
     swings_of,
 )
+from flexviz.checks.limits import likely_limits
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
 from flexviz.data.logs import followed, joint_parts
-from flexviz.data.measurements import GroupTable, likely_limits, sample_motion
+from flexviz.data.measurements import GroupTable, sample_motion
 from flexviz.robot._pinocchio import pin
 from flexviz.robot.robot import PayloadBody, Robot
 

@@ -47,10 +47,9 @@ from flexviz.base.facts import Fact
 from flexviz.base.parallel import existing_objects_kept, stopped_by
 from flexviz.base.progress import ProgressCallback, StopCallback, never
 from flexviz.base.search import Tried
-from flexviz.checks import recording_entries
+from flexviz.checks import filtered_before_writing, noise_notes, recording_entries
 from flexviz.content.records import CriterionNumbers, Decoys, DetectionLimit, Move, Resolution, Verdict
 from flexviz.data.measurements import MeasurementSet, set_of
-from flexviz.data.noise import filtered_before_writing, noise_notes
 from flexviz.model.effects import DECOYS
 
 Array = NDArray[np.float64]

@@ -9,7 +9,8 @@ import numpy as np
 from flexviz.analysis.identification.plain_fit import PlainFit
 from flexviz.analysis.identification.result import Identification
 from flexviz.base.facts import Fact, Remedy
-from flexviz.data.measurements import Group, MeasurementSet, silent_joints
+from flexviz.checks import seen_limits, silent_joints
+from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.robot.model import FlexibleModel
 
 APART = 3.0  # standard errors of a static test, from which the motion contradicts it
@@ -45,7 +46,7 @@ def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
 
 def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:
     """Joints whose torque stands at a limit, with these limits [Nm]; a side without one is missing."""
-    if found := measurements.seen_limits:
+    if found := seen_limits(measurements):
         limits = {
             "lower": tuple(one.lower if np.isfinite(one.lower) else None for one in found),
             "upper": tuple(one.upper if np.isfinite(one.upper) else None for one in found),

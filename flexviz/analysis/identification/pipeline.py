@@ -41,10 +41,10 @@ from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback
-from flexviz.checks import recording_entries
+from flexviz.checks import check_signals, recording_entries
 from flexviz.content.records import ResidualSummary, normalised
 from flexviz.data.measurements import Group, MeasurementSet, set_of
-from flexviz.data.noise import check_signals, segments_noise
+from flexviz.data.noise import segments_noise
 from flexviz.model.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.robot.model import FlexibleModel
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flexviz.base.spelling import listed, number, plural
+from flexviz.base.spelling import listed, number
 from flexviz.content.wording.issues import IssueLike, gained, general, keys_text, percent, says
 
 SATURATED = "saturated; these rows are left out of fits"
@@ -240,34 +240,6 @@ def _what_instead(what: Mapping[str, Any]) -> str:
     if values:
         return f"it has {len(values)} values only, {', '.join(f'{v:g}' for v in values)}"
     return f"masses and friction explain {100 * what['share']:.0f} % of it, no more than chance"
-
-
-@says(
-    "messages", "wrapped", "dropped", "outliers", "jumps", "repeated", "stale", "constant", "held", "contact"
-)
-def _samples(issue: IssueLike) -> str:
-    values = issue.values
-    also = f"; also in {listed(list(values['also_in']))}" if values["also_in"] else ""
-    who = f"{values['joint']}, " if len(issue.joints) > 1 else ""
-    message = (
-        f"in {values['group']}, {who}{_where(values)}: {values['found']}{also}: {values['cause']}? "
-        f"Expected: {values['expected']}"
-    )
-    keys = "; ".join(dict.fromkeys(map(str, issue.remedies)))
-    return message + (f". Proposed: {keys}" if keys else "")
-
-
-def _where(values: Mapping[str, Any]) -> str:
-    """Rows of the log and seconds after its first sample."""
-    parts = []
-    for first, last, begin, end in values["stretches"]:
-        parts.append(
-            f"row {first} ({number(begin, 4)} s)"
-            if first == last
-            else f"rows {first} to {last} ({number(begin, 4)} to {number(end, 4)} s)"
-        )
-    more = f", … ({plural(values['count'], 'sample')} in all)" if values["more"] else ""
-    return ", ".join(parts) + more
 
 
 @says("filtered")

@@ -13,7 +13,7 @@ from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.files import named_errors, temporary_folder, whole_folder
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
-from flexviz.checks import Issue
+from flexviz.checks import SPOILT, Issue
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import (
     ClockOffset,
@@ -22,7 +22,6 @@ from flexviz.data.importing.delays import (
     delay_issues,
     torque_delay,
 )
-from flexviz.data.importing.samples import SPOILT
 from flexviz.data.logs import (
     AssembledGroup,
     CoarseClock,

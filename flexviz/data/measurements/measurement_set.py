@@ -30,7 +30,6 @@ from flexviz.data.measurements.group_reading import (
     without_scraps,
 )
 from flexviz.data.measurements.holds import HoldGroup
-from flexviz.data.measurements.saturation import SeenLimit, seen_limits
 from flexviz.data.measurements.schema import FILE_NAME, MeasurementFile, TorqueSide, parse
 from flexviz.data.measurements.segments import Segmented
 from flexviz.data.measurements.set_document import SetProperties, set_document
@@ -187,11 +186,6 @@ class MeasurementSet:
         """Unit of each joint's torque, "N" where it slides; empty if all are in Nm."""
         slides = self.robot.prismatic
         return joint_units("Nm", slides) if slides.any() else ()
-
-    @cached_property
-    def seen_limits(self) -> tuple[SeenLimit, ...]:
-        """Limits at which recorded torques stand, of the joints whose torque saturates."""
-        return seen_limits([segment for group in self.groups for segment in group.segments])
 
     @property
     def fit_groups(self) -> tuple[Group, ...]:

@@ -9,6 +9,7 @@ from flexviz.base.spelling import number
 from flexviz.content.wording.errors import noise_text
 from flexviz.content.wording.facts import says
 from flexviz.content.wording.issue_kinds import SATURATED, no_torque_text, stands_text
+from flexviz.content.wording.sample_kinds import what_is_said
 
 
 @says("no-torque")
@@ -51,6 +52,14 @@ def filtered(fact: Fact) -> str:
         f"this log was filtered before it was written (nothing above about {number(fact.values['hertz'], 2)} "
         "Hz): the model error, not the sensor noise, is the yardstick"
     )
+
+
+@says("spoilt-samples")
+def spoilt_samples(fact: Fact) -> str:
+    """Why a set is refused: samples of which nothing can be concluded."""
+    said = what_is_said(fact.values["issue"])
+    also = f"; also in {', '.join(fact.columns)}" if fact.columns else ""
+    return f"{said.found}{also}: {said.cause}? expected {said.expected}"
 
 
 @says("noise")
