@@ -96,6 +96,11 @@ class Case:
         """(n,) a value at these joints."""
         return np.where(np.isin(self.every, joints), value, otherwise)
 
+    def of_group(self, group: int, value: float | Array, otherwise: float = 1.0) -> Array:
+        """(groups, n) a value, or one per joint, in one group."""
+        here = np.arange(len(self.comparison.names))[:, None] == group
+        return np.where(here, value, np.full(len(self.every), otherwise))
+
 
 Hypothesis = Callable[[Case], Iterator[Fault]]
 HYPOTHESES: dict[str, Hypothesis] = {}

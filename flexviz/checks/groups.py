@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from flexviz.checks.columns import check_optional_columns
 from flexviz.checks.issues import Issue, Severity
 from flexviz.checks.rigid import Comparison, LoadedTable
@@ -46,12 +48,13 @@ def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:
     """Positions that leave the joint's range, or move faster than it can, by far."""
     found = []
     for j, joint in enumerate(mapping.names):
-        excess = max(model.span[j] / model.width[j], model.speed[j] / model.fastest[j])
+        span, speed = (float(np.max(x[:, j])) for x in (model.span, model.speed))
+        excess = max(span / model.width[j], speed / model.fastest[j])
         if excess < LIMITS.beyond:
             continue
-        values = {name: float(getattr(model, name)[j]) for name in ("span", "speed", "width", "fastest")} | {
-            "unit": "m" if model.robot.prismatic[j] else "rad"
-        }
+        limits = {name: float(getattr(model, name)[j]) for name in ("width", "fastest")}
+        unit = "m" if model.robot.prismatic[j] else "rad"
+        values = {"span": span, "speed": speed, **limits, "unit": unit}
         severity: Severity = "wrong" if excess > LIMITS.far_beyond else "odd"
         found.append(Issue("unit", severity, (joint,), "theta", values))
     return found

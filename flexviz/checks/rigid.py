@@ -65,8 +65,9 @@ class Comparison:
         self.q, self.v, self.a, self.torque, self.rate = (
             [getattr(m, name)[::every] for m in motions] for name in ("q", "v", "a", "torque", "rate")
         )
-        self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)  # (n,) of θ as read
-        self.speed = np.max([np.max(np.abs(m.v), axis=0) for m in motions], axis=0)
+        # (groups, n) of θ as read
+        self.span = np.array([np.ptp(table.theta, axis=0) for _, table in groups])
+        self.speed = np.array([np.max(np.abs(m.v), axis=0) for m in motions])
         every_torque = np.concatenate([table.tau for _, table in groups])
         # (n,) whether τ as read, up to a common sign of the column, is never on the other side of zero
         self.one_sided = np.any(every_torque != 0.0, axis=0) & (
@@ -191,12 +192,11 @@ class Comparison:
     def beyond(self, reading: Reading) -> Array:
         """(n,) whether θ leaves what the joint can do, or is not as far as q."""
         order, factor = list(reading.theta_order), np.abs(reading.factor)
-        span, speed = self.span[order] * factor, self.speed[order] * factor
+        span, speed = self.span[:, order] * factor, self.speed[:, order] * factor
         impossible = (span > LIMITS.beyond * self.width) | (speed > LIMITS.beyond * self.fastest)
         ratio = np.abs(self.by_q[order]) * factor
-        return impossible | (
-            (ratio > 0.0) & (np.abs(np.log(np.maximum(ratio, 1e-12))) > np.log(LIMITS.agrees))
-        )
+        other = (ratio > 0.0) & (np.abs(np.log(np.maximum(ratio, 1e-12))) > np.log(LIMITS.agrees))
+        return np.any(impossible | other, axis=0)
 
     def score(self, reading: Reading) -> float:
         """The sum of the joints' scores; less where θ leaves their range."""
@@ -237,15 +237,23 @@ class Comparison:
         """τ (M, n) as it is read."""
         order = list(reading.tau_order)
         torque, rate = (np.concatenate(x)[:, order] for x in (self.torque, self.rate))
-        return (torque + reading.late * rate) * reading.sign * reading.size
+        return (torque + reading.late * rate) * reading.sign * self._rows(reading.size)
+
+    def angles(self, reading: Reading) -> Array:
+        """(M, n) θ as it is read, before its zero."""
+        return self._motion(reading)[0] - self._rows(reading.zero)
+
+    def _rows(self, of_groups: Array) -> Array:
+        """(M, n) what every instant has of its group, (groups, n)."""
+        return np.repeat(of_groups, [len(x) for x in self.q], axis=0)
 
     def _motion(self, reading: Reading) -> tuple[Array, Array, Array]:
         """q, q̇, q̈ (M, n) as they are read."""
-        turn = np.eye(self.robot.n)[:, list(reading.theta_order)] * reading.factor
+        order, factor = list(reading.theta_order), self._rows(reading.factor)
+        q, v, a = (np.concatenate(x)[:, order] * factor for x in (self.q, self.v, self.a))
         if reading.drive is not None and reading.theta_too:
-            turn = turn @ reading.drive.T
-        q, v, a = (np.concatenate(x) @ turn for x in (self.q, self.v, self.a))
-        return q + np.repeat(reading.zero, [len(x) for x in self.q], axis=0), v, a
+            q, v, a = (x @ reading.drive.T for x in (q, v, a))
+        return q + self._rows(reading.zero), v, a
 
     def _parts(self, reading: Reading) -> Array:
         """(3, M, n) torque of the CAD model's gravity, of its motion, and of the payload."""

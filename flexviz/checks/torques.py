@@ -130,7 +130,7 @@ def _supported(comparison: Comparison, now: Reading, move: Fault) -> bool:
     that no masses explain.
     """
     if move.kind == "size":
-        free = comparison.fits(replace(now, free=np.ones(len(now.size), bool)))
+        free = comparison.fits(replace(now, free=np.ones(len(now.sign), bool)))
         factors = np.array([free[j].slope for j in move.joints])
         return bool(np.any(np.abs(np.log(factors)) > np.log(LIMITS.far_beyond)))
     reading = move.change(now)

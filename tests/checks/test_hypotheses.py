@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -61,3 +62,14 @@ def test_what_is_found_belongs_to_robot_and_groups(demo: MeasurementSet) -> None
     news: list[Progress] = []
     assert contradictions(replace(demo, effects=("coulomb_friction",)), news.append) == () and not news
     assert contradictions(replace(demo, groups=demo.groups[:2]), news.append) == () and news
+
+
+@pytest.mark.parametrize(("signal", "by", "unit"), [("theta", 180 / math.pi, "deg"), ("tau", 1e3, "mNm")])
+def test_one_log_in_another_unit(demo: MeasurementSet, signal: str, by: float, unit: str) -> None:
+    one = demo.groups[0]
+    other = tuple(replace(s, **{signal: by * getattr(s, signal)}) for s in one.segments)
+    groups = (replace(one, segments=other, q=None), *demo.groups[1:])
+    (issue,) = issues_of_set(replace(demo, groups=groups))
+    assert (issue.kind, issue.severity, issue.signal, issue.joints) == ("unit", "wrong", signal, demo.joints)
+    assert issue.values["groups"] == (one.name,) and issue.values["read_as"] == f'unit = "{unit}"'
+    assert f'in {one.name}, with unit = "{unit}" the robot\'s masses explain' in issue_text(issue)

@@ -17,11 +17,11 @@ from flexviz.data.logs import Fix
 @hypothesis
 def zeros(case: Case) -> Iterator[Fault]:
     robot, now = case.comparison.robot, case.now
-    recorded = np.concatenate(case.comparison.q)[:, list(now.theta_order)]
+    recorded = case.comparison.angles(now)
     for j, quarter in product(map(int, np.flatnonzero(~robot.prismatic)), (1, -1, 2)):
         turned = case.at((j,), quarter * np.pi / 2, 0.0)
         before, after = float(now.zero[0, j]), float(now.zero[0, j] + turned[j])
-        q = recorded[:, j] * now.factor[j]
+        q = recorded[:, j]
         limits = robot.lower_limit[j] - LIMITS.zero, robot.upper_limit[j] + LIMITS.zero
         inside = [np.min(x) > limits[0] and np.max(x) < limits[1] for x in (q + before, q + after)]
         if inside[0] and not inside[1]:

@@ -61,6 +61,8 @@ def issue_text(issue: IssueLike) -> str:
 def issue_message(issue: IssueLike) -> str:
     """An issue in a sentence."""
     message = SAYING.get(issue.kind, general)(issue)
+    if "groups" in issue.values and issue.kind != "payload":
+        message = f"in {listed(list(issue.values['groups']))}, {message}"
     message += "".join(f"; or {_other_cause(other, issue)}" for other in issue.alike[:MOST_ALIKE])
     return message + (", which these data do not tell apart" if issue.alike else "")
 
@@ -116,6 +118,8 @@ def reason(issue: IssueLike) -> str:
     if issue.kind == "delay":
         when = "late" if values["delay"] > 0 else "early"
         return f"the torque stamped {1e3 * abs(values['delay']):.2g} ms {when}"
+    if "read_as" in values:
+        return values["read_as"]
     if issue.kind == "magnitude":
         return "the sign that it lacks"
     if not issue.fixes and issue.kind == "unit":
