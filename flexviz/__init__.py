@@ -13,10 +13,12 @@ Everything named in ``__all__`` is loaded when it is first used, so ``import fle
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flexviz.base.facts import Fact
+from flexviz.base.hooks import SetChecks
 
 __version__ = "0.1.0"
 STARTED = time.monotonic()  # [s]
@@ -135,7 +137,13 @@ def _in_words(fact: Fact) -> str:
     return import_module("flexviz.content.wording").fact_text(fact)
 
 
+def _of_checks(name: str) -> Callable[[Any], Any]:
+    return lambda measurements: getattr(import_module("flexviz.checks"), name)(measurements)
+
+
 Fact.words = _in_words  # facts know no words, which stand above them
+SetChecks.refuse = _of_checks("refuse_wrong_units")  # nor do data know what they are compared with
+SetChecks.seen_limits = _of_checks("seen_limits")
 
 
 def __dir__() -> list[str]:

@@ -14,6 +14,7 @@ from flexviz.checks.masks.jumps import check_jumps
 from flexviz.checks.masks.saturation import SeenLimit, saturated_joints, seen_limits
 from flexviz.checks.masks.silent import silent_joints
 from flexviz.checks.noise import check_signals, noise_notes
+from flexviz.checks.refusing import refuse_wrong_units
 from flexviz.checks.registers import may_be_signed, sign_bit
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.samples import (
@@ -70,6 +71,7 @@ __all__ = [
     "other_samples",
     "plausibility_warnings",
     "recording_entries",
+    "refuse_wrong_units",
     "samples_of",
     "saturated_joints",
     "seen_limits",

@@ -20,6 +20,13 @@ def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> li
         for j, joint in enumerate(mapping.names):
             parts = joint_parts(tables, j, name)
             found += check_against_theta(mapping, joint, name, parts) if parts else []
+    for j, joint in enumerate(mapping.names):
+        share, slope = followed(joint_parts(tables, j, "tau_joint", beside="tau"))
+        # motor inertia and friction are only in τ
+        if slope is None or share < LIMITS.follows:
+            continue
+        if not 1 / LIMITS.far_beyond < abs(slope) < LIMITS.far_beyond:
+            found.append(wrong_scale(mapping, joint, "tau_joint", slope))
     return found
 
 
@@ -52,7 +59,7 @@ def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
     keys = {}, *conversions(mapping, joint, name)
     combined = [change_of(mapping, joint, name, one | sign) for sign, one in product(signs, keys)]
     correct = [x for x in combined if 1 / LIMITS.agrees < slope * x.factor < LIMITS.agrees]
-    values = {"times_theta": slope}
+    values = {"times_theta": slope, "times": slope}
     if not correct:
         return Issue("unit", "wrong", (joint,), name, values)
     change = min(correct, key=lambda x: len(str(x)))

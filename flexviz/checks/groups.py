@@ -55,6 +55,7 @@ def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:
         limits = {name: float(getattr(model, name)[j]) for name in ("width", "fastest")}
         unit = "m" if model.robot.prismatic[j] else "rad"
         values = {"span": span, "speed": speed, **limits, "unit": unit}
+        values["times"] = min(span / model.width[j], speed / model.fastest[j])
         severity: Severity = "wrong" if excess > LIMITS.far_beyond else "odd"
         found.append(Issue("unit", severity, (joint,), "theta", values))
     return found

@@ -17,11 +17,10 @@ from flexviz.base.search import Score
 from flexviz.checks.faults import Case, Fault, moves, together
 from flexviz.checks.reading import Reading
 from flexviz.checks.rigid import Comparison
-from flexviz.checks.thresholds import LIMITS
+from flexviz.checks.thresholds import LIMITS, SURE
 from flexviz.data.logs import Mapping
 
 ALIKE = float(np.log(LIMITS.alike))
-SURE = float(np.log(LIMITS.sure / (1 - LIMITS.sure)))  # odds
 FOLLOWED = 3  # best moves of a model, behind which no other is looked at
 
 

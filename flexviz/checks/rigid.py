@@ -34,7 +34,7 @@ from flexviz.checks.joint_fit import (
 )
 from flexviz.checks.limits import likely_limits
 from flexviz.checks.reading import Reading
-from flexviz.checks.thresholds import LIMITS
+from flexviz.checks.thresholds import LIMITS, SURE
 from flexviz.data.logs import followed, joint_parts
 from flexviz.data.measurements import GroupTable, sample_motion
 from flexviz.robot._pinocchio import pin
@@ -57,6 +57,8 @@ class Comparison:
     ) -> None:
         self.robot, n = robot, robot.n
         self._watch = watch
+        self.groups = groups
+        self._alone: dict[int, Comparison] = {}
         self.bodies = tuple(tuple(bodies) for bodies, _ in groups)
         self.stated = Reading.stated(robot, self.bodies)
         self.names = [table.name for _, table in groups]
@@ -173,7 +175,7 @@ class Comparison:
         """
         total = np.sum(reading.free) * UNKNOWN_SIZE + self.penalty(reading)
         for bands, column in zip(
-            (self._few if few else self)._reduced(reading), reading.tau_order, strict=True
+            (self.few if few else self)._reduced(reading), reading.tau_order, strict=True
         ):
             for band, swings in zip(bands, self.swings[column], strict=False):
                 left = band.least_left_of_any if quick else band.least_left
@@ -181,10 +183,28 @@ class Comparison:
         return float(total)
 
     @cached_property
-    def _few(self) -> Comparison:
+    def doubts_size(self) -> bool:
+        """Whether any torque is surely more probable with another size, whatever its sign."""
+        stated, needed = self.stated, SURE - np.log(LIMITS.fault)
+        before = np.array([fit.score for fit in self.fits(stated)])
+        free = replace(stated, free=np.ones(self.robot.n, bool))
+        signs = (stated.sign, -stated.sign)
+        after = [[fit.score for fit in self.fits(replace(free, sign=sign))] for sign in signs]
+        return bool(np.any(np.array(after) - before > needed))
+
+    def alone(self, group: int) -> Comparison:
+        """One of the groups, made once."""
+        if group not in self._alone:
+            self._alone[group] = Comparison(self.robot, self.groups[group : group + 1], self._watch)
+        return self._alone[group]
+
+    @cached_property
+    def few(self) -> Comparison:
+        """The same at a few of the instants."""
         few = copy(self)
         few._rigid, few._r, few._fits = {}, {}, {}
-        few.__dict__.pop("slow", None)
+        for made in ("slow", "doubts_size"):
+            few.__dict__.pop(made, None)
         for name in ("q", "v", "a", "torque", "rate"):
             setattr(few, name, [x[::FEWER] for x in getattr(self, name)])
         return few

@@ -17,8 +17,10 @@ from flexviz.base.progress import Progress, ProgressCallback, StopCallback, igno
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
 from flexviz.content.records import RecordingEntry
+from flexviz.data.logs import Mapping as LogMapping
 from flexviz.data.logs import parse_mapping
-from flexviz.data.measurements import FILE_NAME, Group, GroupTable, MeasurementSet
+from flexviz.data.measurements import FILE_NAME, OPTIONAL_SIGNALS, Group, GroupTable, MeasurementSet
+from flexviz.robot.robot import Robot
 
 log = logging.getLogger(__name__)
 # first group -> robot and groups of a set, and what was found: its other settings change nothing of it
@@ -87,13 +89,15 @@ def issues_of_set(
     *,
     watch: Callable[[], None] = lambda: None,
 ) -> list[Issue]:
-    """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
-    # a mapping that takes the set's columns unchanged
-    joints = {
-        joint: {"theta": f"t{joint}", "tau": f"u{joint}", **(keys or {})} for joint in measurements.joints
-    }
+    """Issues that an import would find in a set's columns, with these keys of a mapping on every joint."""
+    mapping = stated_mapping(measurements.robot, keys)
+    groups = [(group.bodies, GroupTable.of(group)) for group in measurements.groups]
+    return check_groups(mapping, measurements.robot, groups, watch=watch)
+
+
+def stated_mapping(robot: Robot, keys: dict[str, float] | None = None) -> LogMapping:
+    """A mapping that takes a set's columns unchanged, or with these keys on every joint."""
+    own = ("theta", "tau", *OPTIONAL_SIGNALS)
+    joints = {joint: {**{name: f"{name}_{joint}" for name in own}, **(keys or {})} for joint in robot.joints}
     document = {"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": joints}
-    groups = [
-        (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
-    ]
-    return check_groups(parse_mapping(document, Path("mapping")), measurements.robot, groups, watch=watch)
+    return parse_mapping(document, Path("mapping")).for_joints(robot.prismatic, Path("mapping"))

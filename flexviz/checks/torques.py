@@ -11,10 +11,10 @@ import numpy as np
 from flexviz.base.search import Search
 from flexviz.checks.faults import Fault
 from flexviz.checks.issues import Issue, Severity
-from flexviz.checks.problem import SURE, Found, Readings
+from flexviz.checks.problem import Found, Readings
 from flexviz.checks.reading import Reading
 from flexviz.checks.rigid import Comparison
-from flexviz.checks.thresholds import LIMITS
+from flexviz.checks.thresholds import LIMITS, SURE
 from flexviz.data.logs import Mapping
 
 DOUBTFUL = ("zero", "coupling", "payload")  # which the shape of a torque does not prove
@@ -90,6 +90,7 @@ def _issue(
         "joint": names[worst],
         "explained_before": before[worst].share,
         "explained": after[worst].share,
+        "times": _times(now, move.change(now)),
         "gain": sum(a.score - b.score for a, b in zip(after, before, strict=True)),
     }
     doubtful = (
@@ -121,6 +122,13 @@ def _of(mapping: Mapping, move: Fault, severity: Severity) -> Issue:
     joints = tuple(names[j] for j in move.joints)
     kind = "unit" if move.kind == "size" else move.kind
     return Issue(kind, severity, joints, move.signal, values, move.fixes, move.proposals)
+
+
+def _times(now: Reading, then: Reading) -> float:
+    """By how much the columns as they are read are too large, at the joint where that is furthest from 1."""
+    ratios = np.concatenate([(now.factor / then.factor).ravel(), (now.size / then.size).ravel()])
+    sizes = np.log(np.abs(ratios))
+    return float(np.exp(sizes[np.argmax(np.abs(sizes))]))
 
 
 def _supported(comparison: Comparison, now: Reading, move: Fault) -> bool:

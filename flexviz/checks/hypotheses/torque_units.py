@@ -57,6 +57,8 @@ def of_one_log(case: Case) -> Iterator[Fault]:
     changes = [torque_changes(case.mapping, joint) for joint in names]
     for label in (label for label in changes[0] if all(label in own for own in changes)):
         for g, group in enumerate(case.comparison.names):
+            if not case.comparison.alone(g).doubts_size:
+                continue  # made small, what is hard to explain would count less
             by = case.of_group(g, np.array([own[label].factor for own in changes]))
             values = {"groups": (group,), "read_as": label}
             yield Fault("size", case.every, "tau", resized(by), label, values=values, groups=(g,))

@@ -34,7 +34,7 @@ from flexviz.data.measurements.schema import (
 )
 from flexviz.data.measurements.segments import POINTS, interpolate, pieces
 from flexviz.data.measurements.tables import readable, row_name
-from flexviz.data.measurements.unit_checks import wrong_time_unit
+from flexviz.data.measurements.time_units import wrong_time_unit
 from flexviz.data.measurements.writing import SUFFIXES, check_free, write_set
 
 __all__ = [

@@ -16,7 +16,7 @@ from flexviz.data.measurements.data import OPTIONAL_SIGNALS, Array, Group
 from flexviz.data.measurements.schema import Body, GroupEntry, SetHeader
 from flexviz.data.measurements.segments import SHORTEST, Segmented, check_time, make_segments
 from flexviz.data.measurements.tables import Table, require
-from flexviz.data.measurements.unit_checks import UnitCheck, check_optional
+from flexviz.data.measurements.time_units import check_time_unit
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import PayloadBody, Robot
 
@@ -101,7 +101,6 @@ def read_group(
     source: Table,
     robot: Robot,
     bodies: tuple[PayloadBody, ...],
-    stiffness: Array | None,
     warn: Callable[[Fact], None],
     clocks: dict[Path, Segmented],
     no_torque: Sequence[str] = (),
@@ -129,23 +128,14 @@ def read_group(
     def warn_here(fact: Fact) -> None:
         warn(replace(fact, file=str(file)))
 
-    def warn_in_words(text: str) -> None:
-        warn_here(Fact("doubtful-column", "odd", values={"text": text}))
-
-    units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
-    units.check_time()
-    units.check_theta()
-    units.check_tau(stiffness)
+    for fact in check_time_unit(time, signals[:, :n], file):
+        warn_here(fact)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(Fact("constant-column", "odd", columns=(name,)))
     used = ("time", *needed, *optional)
     for name in unused_columns({*present} - {f"tau_{joint}" for joint in no_torque}, used):
         warn_here(Fact("unused-column", "odd", columns=(name,), values={"used": used}))
-    for name, column in zip(optional, others.T, strict=True):
-        kind, j = places[name]
-        measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
-        check_optional(name, column, measured, file, warn_in_words)
     compared = by_kind([places[name] for name in optional], others, n)
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:

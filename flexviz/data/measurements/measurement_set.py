@@ -15,6 +15,7 @@ import numpy as np
 
 from flexviz.base.errors import InputError, choose_from
 from flexviz.base.facts import Fact
+from flexviz.base.hooks import SetChecks
 from flexviz.base.names import names_of
 from flexviz.base.units import joint_units
 from flexviz.data.measurements.array_tables import array_tables
@@ -188,6 +189,11 @@ class MeasurementSet:
         return joint_units("Nm", slides) if slides.any() else ()
 
     @property
+    def seen_limits(self) -> tuple[Any, ...]:
+        """Limits at which recorded torques stand, `flexviz.checks.SeenLimit` of the joints that saturate."""
+        return SetChecks.seen_limits(self)
+
+    @property
     def fit_groups(self) -> tuple[Group, ...]:
         """Groups that may be fitted."""
         return tuple(group for group in self.groups if not group.validation)
@@ -276,10 +282,10 @@ def checked_set(
     warn: Warnings,
 ) -> MeasurementSet:
     """The set of a checked `content` with the tables of its groups; `file` is what errors call it."""
-    stiffness, silent = values(content.initial.stiffness), content.model.no_torque
+    silent = content.model.no_torque
     clocks: dict[Path, Segmented] = {}
     groups = tuple(
-        read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks, silent)
+        read_group(entry, table, robot, payloads[entry.payload], warn, clocks, silent)
         for entry, table in zip(content.groups, tables, strict=True)
         if entry.kind == "motion"
     )
@@ -288,13 +294,13 @@ def checked_set(
     warn(*copies(groups))
     warn(*clock_facts(clocks))
     gains = content.controller
-    return MeasurementSet(
+    read = MeasurementSet(
         path=file,
         name=file.name,
         robot=robot,
         joints=tuple(content.joints),
         torque_hold=content.torque_hold,
-        initial_stiffness=stiffness,
+        initial_stiffness=values(content.initial.stiffness),
         initial_motor_inertia=values(content.initial.motor_inertia),
         kp=values(gains and gains.kp),
         kd=values(gains and gains.kd),
@@ -307,3 +313,5 @@ def checked_set(
         rigid=tuple(content.model.rigid),
         no_torque=tuple(content.model.no_torque),
     )
+    SetChecks.refuse(read)
+    return read
