@@ -1,4 +1,4 @@
-"""What measurement sets are asked from above: given by the package's face, because checks stand above data."""
+"""What measurement sets are asked from above; given by the package's face: checks stand above data."""
 
 from __future__ import annotations
 

@@ -16,6 +16,8 @@ from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
+from flexviz.checks.samples import other_samples, spoilt_samples
+from flexviz.checks.set_samples import samples_of
 from flexviz.content.records import RecordingEntry
 from flexviz.data.logs import Mapping as LogMapping
 from flexviz.data.logs import parse_mapping
@@ -25,6 +27,7 @@ from flexviz.robot.robot import Robot
 log = logging.getLogger(__name__)
 # first group -> robot and groups of a set, and what was found: its other settings change nothing of it
 _FOUND: WeakKeyDictionary[Group, tuple[list[ref[Any]], tuple[Issue, ...]]] = WeakKeyDictionary()
+SAID_ELSEWHERE = ("constant", "repeated", "no_torque", "saturated", "filtered")
 COMPARING = Fact("comparing-torques")
 
 
@@ -77,10 +80,20 @@ def contradictions(
         try:
             with threadpool_limits(1, "blas"):  # the matrices are small: threads would wait for each other
                 issues = issues_of_set(measurements, watch=watch)
+                watch()
+                samples = issues_of_samples(measurements)
         except Cancelled:
             return ()
-        _FOUND[first] = parts, tuple(issue for issue in issues if issue.severity == "wrong")
+        _FOUND[first] = parts, (*(issue for issue in issues if issue.severity == "wrong"), *samples)
     return _FOUND[first][1]
+
+
+def issues_of_samples(measurements: MeasurementSet) -> list[Issue]:
+    """What is wrong with samples, apart from what identification and diagnosis say by themselves."""
+    samples = samples_of(measurements)
+    found = [] if spoilt_samples(samples) else other_samples(samples)  # spoilt ones are refused
+    told = (issue for issue in found if issue.kind not in SAID_ELSEWHERE)
+    return [replace(issue, proposals=()) for issue in told]  # which are keys of an import
 
 
 def issues_of_set(
