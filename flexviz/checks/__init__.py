@@ -23,12 +23,13 @@ from flexviz.checks.samples import (
     AllSamples,
     GroupSamples,
     SampleFinding,
+    kept,
     mask,
     mask_of_groups,
     other_samples,
     spoilt_samples,
 )
-from flexviz.checks.set_samples import samples_of, spoilt_group
+from flexviz.checks.set_samples import samples_of, shortened, spoilt_group
 from flexviz.checks.sets import (
     contradictions,
     issues_of_set,
@@ -63,6 +64,7 @@ __all__ = [
     "hypotheses",
     "hypothesis",
     "issues_of_set",
+    "kept",
     "mask",
     "mask_of_groups",
     "masks",
@@ -75,6 +77,7 @@ __all__ = [
     "samples_of",
     "saturated_joints",
     "seen_limits",
+    "shortened",
     "sign_bit",
     "silent_joints",
     "spoilt_group",

@@ -21,6 +21,7 @@ class Reading:
         sign: (n,) of τ.
         size: (groups, n) of τ.
         late: (n,) [s] by which τ is stamped late.
+        drifts: (n,) whether the zero of τ drifts.
         free: (n,) whether the size of τ is unknown.
         theta_order, tau_order: joint -> column.
         down: [m/s²] gravity in the base's frame.
@@ -38,6 +39,7 @@ class Reading:
     sign: Array
     size: Array
     late: Array
+    drifts: Bools
     free: Bools
     theta_order: tuple[int, ...]
     tau_order: tuple[int, ...]
@@ -57,7 +59,9 @@ class Reading:
         """The columns, the mounting and the groups' payloads as the mapping states them."""
         n, order, ones = robot.n, tuple(range(robot.n)), np.ones(robot.n)
         zero, same = np.zeros((len(bodies), n)), np.ones((len(bodies), n))
-        late, free = np.zeros(n), np.zeros(n, bool)
+        late, never = np.zeros(n), np.zeros(n, bool)
         carried = tuple(map(tuple, bodies))
         added = np.zeros(len(bodies))
-        return Reading(same, zero, ones, same, late, free, order, order, robot.gravity, carried, added)
+        return Reading(
+            same, zero, ones, same, late, never, never, order, order, robot.gravity, carried, added
+        )

@@ -22,11 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.base.arrays import Array
+from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.checks.joint_fit import (
     UNKNOWN_SIZE,
     Band,
+    JointColumns,
     JointFit,
     fit_joint,
     reduced,
@@ -146,6 +147,14 @@ class Comparison:
     def _reduced(self, reading: Reading) -> list[list[Band]]:
         """Of each joint: what its torque is explained by, in two bands; nothing where it rests."""
         self._watch()
+        every = self.columns(reading)
+        for columns in every:
+            if columns.key not in self._r:
+                self._r[columns.key] = reduced(columns, self.slow)
+        return [self._r[columns.key] for columns in every]
+
+    def columns(self, reading: Reading) -> list[JointColumns]:
+        """Of each joint: what may explain its torque."""
         parts, (_, v, a) = self._parts(reading), self._motion(reading)
         tau = self._tau(reading)
         acting = np.eye(self.robot.n)  # of motors (rows) on joints
@@ -159,14 +168,20 @@ class Comparison:
         v, a = v * reading.motion, a * reading.motion
         if reading.magnitude:
             tau = np.abs(tau) * np.where(np.sum(parts, axis=0) < 0.0, -1.0, 1.0)
-        result = []
+        result, none = [], np.zeros((len(tau), 0))
         for j, motors in enumerate(acting.T):
-            columns = parts[:, :, j].T, a[:, j], v[:, motors != 0.0] * motors[motors != 0.0], tau[:, j]
-            key = hash(tuple(x.tobytes() for x in columns))
-            if key not in self._r:
-                self._r[key] = reduced(*columns, self.slow)
-            result.append(self._r[key])
+            speeds = v[:, motors != 0.0] * motors[motors != 0.0]
+            drift = self.ramps if reading.drifts[j] else none
+            result.append(JointColumns(parts[:, :, j].T, a[:, j], speeds, tau[:, j], drift))
         return result
+
+    @cached_property
+    def ramps(self) -> Array:
+        """(M, groups) a torque that drifts over each group [1]."""
+        lengths = [len(q) for q in self.q]
+        group = np.repeat(np.eye(len(lengths)), lengths, axis=0)
+        time = np.concatenate([np.linspace(-0.5, 0.5, length) for length in lengths])
+        return np.real(group * time[:, None])
 
     def bound(self, reading: Reading, few: bool = True, quick: bool = False) -> float:
         """What a score cannot exceed; from a few of the instants up to a common constant, and hardly.
@@ -203,7 +218,7 @@ class Comparison:
         """The same at a few of the instants."""
         few = copy(self)
         few._rigid, few._r, few._fits = {}, {}, {}
-        for made in ("slow", "doubts_size"):
+        for made in ("slow", "ramps", "doubts_size"):
             few.__dict__.pop(made, None)
         for name in ("q", "v", "a", "torque", "rate"):
             setattr(few, name, [x[::FEWER] for x in getattr(self, name)])
@@ -262,6 +277,10 @@ class Comparison:
     def angles(self, reading: Reading) -> Array:
         """(M, n) θ as it is read, before its zero."""
         return self._motion(reading)[0] - self._rows(reading.zero)
+
+    def rows_of(self, group: int) -> Bools:
+        """(M,) which instants are of a group."""
+        return np.repeat(np.arange(len(self.q)) == group, [len(x) for x in self.q])
 
     def _rows(self, of_groups: Array) -> Array:
         """(M, n) what every instant has of its group, (groups, n)."""

@@ -161,6 +161,19 @@ def other_samples(samples: AllSamples) -> list[Issue]:
     return [issue for kind in MASKS.values() for issue in kind(samples)]
 
 
+def kept(issues: Sequence[Issue], group: str, time: Array) -> Bools:
+    """Which instants (N,) [s] after a log's first sample the issues do not propose to leave out."""
+    used = np.ones(len(time), dtype=bool)
+    for key in (key for issue in issues for key in issue.proposals if key.place == ("logs", group)):
+        if key.key == "from":
+            used &= time >= key.value
+        elif key.key == "to":
+            used &= time <= key.value
+        for first, last in key.value if key.key == "leave_out" else ():
+            used &= (time < first) | (time > last)
+    return used
+
+
 def issues_of(samples: AllSamples, found: Found) -> list[Issue]:
     """One issue per kind and signal: that with the most samples is described."""
     kinds: dict[tuple[str, str], Found] = {}

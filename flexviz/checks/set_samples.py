@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from flexviz.base.arrays import Bools
 from flexviz.checks.issues import Issue
 from flexviz.checks.samples import AllSamples, GroupSamples, spoilt_samples
-from flexviz.data.measurements import Group, MeasurementSet
+from flexviz.data.logs import SHORTEST
+from flexviz.data.measurements import OPTIONAL_SIGNALS, Group, GroupTable, MeasurementSet
 from flexviz.data.noise import Channel
 from flexviz.robot.robot import Robot
 
@@ -31,6 +34,14 @@ def _recording(group: Group, robot: Robot) -> GroupSamples:
     signals = (("theta", theta), ("tau", tau))
     channels = [of(name, joint, time, y[:, j]) for name, y in signals for j, joint in enumerate(robot.joints)]
     return GroupSamples(group.name, tuple(channels), time, theta, tau, group.bodies)
+
+
+def shortened(table: GroupTable, used: Bools) -> GroupTable:
+    """A table with the instants (N,) that are used, unless they are too few."""
+    if used.all() or np.count_nonzero(used) < SHORTEST:
+        return table
+    columns = {name: getattr(table, name) for name in ("time", "theta", "tau", *OPTIONAL_SIGNALS)}
+    return replace(table, **{name: x[used] for name, x in columns.items() if x is not None})
 
 
 def spoilt_group(group: Group, robot: Robot) -> tuple[Issue, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue
-from flexviz.checks.samples import other_samples, spoilt_samples
-from flexviz.checks.set_samples import samples_of
+from flexviz.checks.samples import kept, other_samples, spoilt_samples
+from flexviz.checks.set_samples import samples_of, shortened
 from flexviz.content.records import RecordingEntry
 from flexviz.data.logs import Mapping as LogMapping
 from flexviz.data.logs import parse_mapping
@@ -27,6 +27,7 @@ from flexviz.robot.robot import Robot
 log = logging.getLogger(__name__)
 # first group -> robot and groups of a set, and what was found: its other settings change nothing of it
 _FOUND: WeakKeyDictionary[Group, tuple[list[ref[Any]], tuple[Issue, ...]]] = WeakKeyDictionary()
+# by identification and diagnosis, or while the set is read
 SAID_ELSEWHERE = ("constant", "repeated", "no_torque", "saturated", "filtered")
 COMPARING = Fact("comparing-torques")
 
@@ -79,21 +80,20 @@ def contradictions(
 
         try:
             with threadpool_limits(1, "blas"):  # the matrices are small: threads would wait for each other
-                issues = issues_of_set(measurements, watch=watch)
                 watch()
                 samples = issues_of_samples(measurements)
+                issues = issues_of_set(measurements, watch=watch, samples=samples)
         except Cancelled:
             return ()
-        _FOUND[first] = parts, (*(issue for issue in issues if issue.severity == "wrong"), *samples)
+        told = (replace(issue, proposals=()) for issue in samples if issue.kind not in SAID_ELSEWHERE)
+        _FOUND[first] = parts, (*(issue for issue in issues if issue.severity == "wrong"), *told)
     return _FOUND[first][1]
 
 
 def issues_of_samples(measurements: MeasurementSet) -> list[Issue]:
-    """What is wrong with samples, apart from what identification and diagnosis say by themselves."""
+    """What is wrong with samples; nothing of spoilt ones, which are refused."""
     samples = samples_of(measurements)
-    found = [] if spoilt_samples(samples) else other_samples(samples)  # spoilt ones are refused
-    told = (issue for issue in found if issue.kind not in SAID_ELSEWHERE)
-    return [replace(issue, proposals=()) for issue in told]  # which are keys of an import
+    return [] if spoilt_samples(samples) else other_samples(samples)
 
 
 def issues_of_set(
@@ -101,10 +101,17 @@ def issues_of_set(
     keys: dict[str, float] | None = None,
     *,
     watch: Callable[[], None] = lambda: None,
+    samples: Sequence[Issue] = (),
 ) -> list[Issue]:
-    """Issues that an import would find in a set's columns, with these keys of a mapping on every joint."""
+    """Issues that an import would find in a set's columns, with these keys of a mapping on every joint.
+
+    What issues of `samples` propose to leave out is not compared.
+    """
     mapping = stated_mapping(measurements.robot, keys)
-    groups = [(group.bodies, GroupTable.of(group)) for group in measurements.groups]
+    every = ((group, GroupTable.of(group)) for group in measurements.groups)
+    groups = [
+        (group.bodies, shortened(table, kept(samples, group.name, table.time))) for group, table in every
+    ]
     return check_groups(mapping, measurements.robot, groups, watch=watch)
 
 

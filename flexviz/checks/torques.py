@@ -95,7 +95,7 @@ def _issue(
     }
     doubtful = (
         any(other.kind != move.kind for other in alike)
-        or move.kind in DOUBTFUL
+        or (move.kind in DOUBTFUL and not (move.kind == "zero" and move.groups))
         or not _supported(comparison, now, move)
         # of an unstated payload only the mass is known: the torque of a wrist may have any size
         or (

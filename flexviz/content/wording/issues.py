@@ -95,6 +95,10 @@ def reason(issue: IssueLike) -> str:
     values = issue.values
     if issue.kind == "sign" and issue.signal == "theta and tau":
         return "opposite signs of theta and tau"
+    if "angle" in values:
+        return f"the zero of {issue.joints[0]} moved by {number(values['angle'], 2)} rad"
+    if issue.kind == "drift":
+        return f"a zero that drifts by up to {number(values['drift'], 2)} {values['unit']}"
     if issue.kind == "zero":
         return f"{keys_text(issue.fixes)} rad"
     if issue.kind == "order":

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping as Named
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
-
-from flexviz.checks import AllSamples, GroupSamples, Issue
-from flexviz.data.logs import SHORTEST, AssembledGroup, Mapping
-from flexviz.data.measurements import OPTIONAL_SIGNALS, GroupTable
+from flexviz.checks import AllSamples, GroupSamples, Issue, kept, shortened
+from flexviz.data.logs import AssembledGroup, Mapping
+from flexviz.data.measurements import GroupTable
 from flexviz.data.noise import Channel
 from flexviz.robot.robot import PayloadBody, Robot
 
@@ -50,17 +47,7 @@ def channels(group: AssembledGroup) -> tuple[Channel, ...]:
 
 def without_stretches(groups: Sequence[AssembledGroup], issues: Sequence[Issue]) -> list[GroupTable]:
     """The tables without the stretches that the issues propose to leave out."""
-    keys: dict[str, dict[str, object]] = {}
-    for place, key, value in ((p.place, p.key, p.value) for issue in issues for p in issue.proposals):
-        if place[:1] == ("logs",):
-            keys.setdefault(place[1], {})[{"from": "start", "to": "stop"}.get(key, key)] = value
-    tables = []
-    for group in groups:
-        entry, table = group.entry.model_copy(update=keys.get(group.entry.group, {})), group.table
-        used = entry.uses(table.time + group.since)
-        if np.count_nonzero(used) < SHORTEST or used.all():
-            tables.append(table)
-            continue
-        columns = {name: getattr(table, name) for name in ("time", "theta", "tau", *OPTIONAL_SIGNALS)}
-        tables.append(replace(table, **{name: x[used] for name, x in columns.items() if x is not None}))
-    return tables
+    return [
+        shortened(group.table, kept(issues, group.entry.group, group.table.time + group.since))
+        for group in groups
+    ]
