@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flexviz.checks.columns import check_optional_columns
+from flexviz.checks.columns import check_optional_columns, compared_with
 from flexviz.checks.issues import Issue, Severity
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.thresholds import LIMITS
@@ -38,7 +38,7 @@ def check_groups(
     found = [s for s in found if s.kind != "unexplained" or not wrong_theta & set(s.joints)]
     known |= {(joint, "theta") for joint in wrong_theta}
     for issue in check_optional_columns(mapping, [table for _, table in groups]):
-        signals = ("theta", "tau") if issue.kind == "swapped" else ("theta",)
+        signals = {"swapped": ("theta", "tau")}.get(issue.kind, (compared_with(issue.signal),))
         if not any((issue.joints[0], signal) in known for signal in signals):
             found.append(issue)
     return found

@@ -131,7 +131,7 @@ def _sign(issue: IssueLike) -> str:
 
 def _against_theta(issue: IssueLike) -> str:
     slope = issue.values["times_theta"]
-    message = f"it is {slope:.4g} times theta"
+    message = f"it is {slope:.4g} times {issue.values['measured']}"
     if issue.fixes:
         return f"{message}: with {keys_text(issue.fixes)} they agree"
     gear = max(abs(slope), 1 / abs(slope))
