@@ -6,7 +6,7 @@ A kind is a function of all groups that yields issues, registered by `mask`, in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -133,7 +133,7 @@ SPOILT = ("messages", "wrapped", "dropped", "outliers", "jumps")  # kinds of tho
 
 def mask(function: Mask) -> Mask:
     """Register a kind of fault of samples."""
-    MASKS[f"{function.__module__}.{function.__name__}"] = function
+    MASKS[function.__name__] = function
     return function
 
 
@@ -145,7 +145,7 @@ def mask_of_groups(*, spoils: bool = False) -> Callable[[OfGroup], OfGroup]:
             found = [(g, one) for g in samples.groups for one in function(g, samples.robot)]
             return issues_of(samples, found)
 
-        (SPOILING if spoils else MASKS)[f"{function.__module__}.{function.__name__}"] = every
+        (SPOILING if spoils else MASKS)[function.__name__] = every
         return function
 
     return register
@@ -156,9 +156,9 @@ def spoilt_samples(samples: AllSamples) -> list[Issue]:
     return [issue for kind in SPOILING.values() for issue in kind(samples)]
 
 
-def other_samples(samples: AllSamples) -> list[Issue]:
-    """Issues of samples that are wrong although the signals are those of a robot."""
-    return [issue for kind in MASKS.values() for issue in kind(samples)]
+def other_samples(samples: AllSamples, but: Container[str] = ()) -> list[Issue]:
+    """Issues of samples that are wrong although the signals are a robot's; `but`: without some masks."""
+    return [issue for name, kind in MASKS.items() if name not in but for issue in kind(samples)]
 
 
 def kept(issues: Sequence[Issue], group: str, time: Array) -> Bools:

@@ -27,8 +27,8 @@ from flexviz.robot.robot import Robot
 log = logging.getLogger(__name__)
 # first group -> robot and groups of a set, and what was found: its other settings change nothing of it
 _FOUND: WeakKeyDictionary[Group, tuple[list[ref[Any]], tuple[Issue, ...]]] = WeakKeyDictionary()
-# by identification and diagnosis, or while the set is read
-SAID_ELSEWHERE = ("constant", "repeated", "no_torque", "saturated", "filtered")
+NAMED_ELSEWHERE = ("silent", "saturated", "filtered")  # masks: by identification and diagnosis
+HARMLESS = ("constant", "repeated")  # kinds: named while a set is read, or counted in its noise
 COMPARING = Fact("comparing-torques")
 
 
@@ -85,7 +85,7 @@ def contradictions(
                 issues = issues_of_set(measurements, watch=watch, samples=samples)
         except Cancelled:
             return ()
-        told = (replace(issue, proposals=()) for issue in samples if issue.kind not in SAID_ELSEWHERE)
+        told = (replace(issue, proposals=()) for issue in samples if issue.kind not in HARMLESS)
         _FOUND[first] = parts, (*(issue for issue in issues if issue.severity == "wrong"), *told)
     return _FOUND[first][1]
 
@@ -93,7 +93,7 @@ def contradictions(
 def issues_of_samples(measurements: MeasurementSet) -> list[Issue]:
     """What is wrong with samples; nothing of spoilt ones, which are refused."""
     samples = samples_of(measurements)
-    return [] if spoilt_samples(samples) else other_samples(samples)
+    return [] if spoilt_samples(samples) else other_samples(samples, NAMED_ELSEWHERE)
 
 
 def issues_of_set(

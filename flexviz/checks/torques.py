@@ -53,7 +53,7 @@ def check_torques(mapping: Mapping, comparison: Comparison, payloads_known: bool
     now, found = comparison.stated, list[Issue]()
     for move in best.moves:
         alike = problem.alike(best, move)
-        told: Fault | None = move
+        told: Fault | None = None if move.values.get("untold") else move
         if move.values.get("converted"):  # only friction is coupled: nothing is wrong with the columns
             plain = [other for other in alike if other.kind == "coupling" and not other.values["converted"]]
             told, alike = (plain[0], [move]) if plain else (None, [])

@@ -1,4 +1,4 @@
-"""θ of a revolute joint a quarter or half turn further, within its limits; or in one log by any angle."""
+"""θ of a revolute joint a quarter or half turn further, within its limits; in one log or all by any angle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from flexviz.base.arrays import Array
+from flexviz.base.arrays import Array, Bools
 from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.left import Estimated, estimated, remainders
 from flexviz.checks.reading import Reading
@@ -43,39 +43,55 @@ def zeros(case: Case) -> Iterator[Fault]:
 
 
 @hypothesis
-def of_one_log(case: Case) -> Iterator[Fault]:
-    """The zero of one joint in one group: another one than before, as after a belt has slipped."""
-    if len(case.comparison.names) < 2 or case.now.drive is not None:
+def turned(case: Case) -> Iterator[Fault]:
+    """The zero of one joint in one group, as after a belt has slipped; or in all of them.
+
+    A base that is not quite level looks like the latter: what is small is not told, but explains.
+    """
+    groups = tuple(enumerate(case.comparison.names))
+    if case.now.drive is not None:
         return
+    start = _Turning(case.comparison, case.now)
     for j in map(int, np.flatnonzero(~case.comparison.robot.prismatic)):
-        slope = _slope(case.comparison, case.now, j)
-        for g, name in enumerate(case.comparison.names):
-            found = _turn(case.comparison, case.now, g, slope)
+        slope = start.slope(j)
+        for g, name in ((-1, ""), *(groups if len(groups) > 1 else ())):
+            rows = case.comparison.rows_of(g) if name else slice(None)
+            found = start.angle(slope, rows)
             prior = float(np.log(min(found.std / np.pi, 1.0)))
             large = LIMITS.smallest_motion < abs(found.size) < np.pi / 4
             if not large or found.gain + prior < SURE - np.log(LIMITS.fault):
                 continue
-            here, angle = case.of_group(g, case.at((j,), 1.0, 0.0), 0.0), found.size
+            here = case.at((j,), 1.0, 0.0)
+            here, angle = case.of_group(g, here, 0.0) if name else here, found.size
             for _ in range(STEPS):
-                now = replace(case.now, zero=case.now.zero + angle * here)
-                angle += _turn(case.comparison, now, g, _slope(case.comparison, now, j)).size
+                there = _Turning(case.comparison, replace(case.now, zero=case.now.zero + angle * here))
+                angle += there.angle(there.slope(j), rows).size
 
             def moved(reading: Reading, by: np.ndarray = angle * here) -> Reading:
                 return replace(reading, zero=reading.zero + by)
 
-            values = {"groups": (name,), "angle": angle}
-            yield Fault("zero", (j,), "theta", moved, name, prior=prior, values=values, groups=(g,))
+            values = {"angle": angle, **({"groups": (name,)} if name else {})}
+            values |= {"untold": True} if not name and abs(angle) < LIMITS.zero else {}
+            where = (g,) if name else ()
+            yield Fault("zero", (j,), "theta", moved, f"any{name}", prior=prior, values=values, groups=where)
 
 
-def _slope(comparison: Comparison, now: Reading, j: int) -> Array:
-    """(M, n) by which all torques of the masses change with a joint's zero [Nm/rad]."""
-    there = now.zero + STEP * (np.arange(comparison.robot.n) == j)
-    both = zip(comparison.columns(replace(now, zero=there)), comparison.columns(now), strict=True)
-    return np.stack([np.sum(a.masses - b.masses, axis=1) / STEP for a, b in both], axis=1)
+class _Turning:
+    """What turned zeros explain of the torques that a reading leaves."""
 
+    def __init__(self, comparison: Comparison, now: Reading) -> None:
+        self.comparison, self.now = comparison, now
+        self.columns, self.left = comparison.columns(now), remainders(comparison, now)
 
-def _turn(comparison: Comparison, now: Reading, group: int, slope: Array) -> Estimated:
-    """The angle by which a zero is off in one group."""
-    column = np.where(comparison.rows_of(group)[:, None], slope, 0.0)
-    column -= np.mean(column, axis=0)
-    return estimated(remainders(comparison, now), comparison.slow.T @ column)
+    def slope(self, j: int) -> Array:
+        """(M, n) by which all torques of the masses change with a joint's zero [Nm/rad]."""
+        there = self.now.zero + STEP * (np.arange(self.comparison.robot.n) == j)
+        both = zip(self.comparison.columns(replace(self.now, zero=there)), self.columns, strict=True)
+        return np.stack([np.sum(a.masses - b.masses, axis=1) / STEP for a, b in both], axis=1)
+
+    def angle(self, slope: Array, rows: slice | Bools) -> Estimated:
+        """The angle by which a zero is off in these rows (M,)."""
+        column = np.zeros_like(slope)
+        column[rows] = slope[rows]
+        column -= np.mean(column, axis=0)
+        return estimated(self.left, self.comparison.slow.T @ column)
