@@ -8,7 +8,7 @@ from flexviz.checks.columns import check_optional_columns
 from flexviz.checks.faults import HYPOTHESES, Case, Fault, hypothesis
 from flexviz.checks.groups import check_groups
 from flexviz.checks.issues import Issue, Severity, with_sliding
-from flexviz.checks.references import check_references
+from flexviz.checks.references import check_references, unmeasured
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.sets import (
     contradictions,
@@ -37,6 +37,7 @@ __all__ = [
     "issues_of_set",
     "plausibility_warnings",
     "recording_entries",
+    "unmeasured",
     "with_plausibility_warnings",
     "with_sliding",
 ]

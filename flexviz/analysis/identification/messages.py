@@ -10,6 +10,7 @@ from flexviz.analysis.identification.plain_fit import PlainFit
 from flexviz.analysis.identification.result import Identification
 from flexviz.base.facts import Fact, Remedy
 from flexviz.base.units import joint_units
+from flexviz.checks import unmeasured
 from flexviz.data.measurements import Group, MeasurementSet, silent_joints
 from flexviz.robot.model import FlexibleModel
 
@@ -42,6 +43,15 @@ def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
             "explained": tuple(what.get("share") for what in found.values()),
         }
         yield Fact("no-torque", "wrong", names, values=instead, remedy=remedy)
+
+
+def unmeasured_angles(measurements: MeasurementSet) -> Iterator[Fact]:
+    """Joints whose angle has less noise [rad] than any encoder, beside a measured torque."""
+    segments = [segment for group in measurements.groups for segment in group.segments]
+    if found := unmeasured(segments):
+        joints = tuple(measurements.joints[j] for j in found)
+        units = joint_units("rad", (measurements.robot.prismatic[j] for j in found))
+        yield Fact("reference", "odd", joints, values={"noise": tuple(found.values()), "units": units})
 
 
 def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:

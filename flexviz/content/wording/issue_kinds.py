@@ -40,6 +40,16 @@ def _magnitude(issue: IssueLike) -> str:
     return f"{lost}{general(issue)}. Log the torque or current with its sign"
 
 
+@says("rated")
+def _rated(issue: IssueLike) -> str:
+    values, unit = issue.values, unit_in(issue, "Nm")
+    rated = listed([f"{number(torque, 2)} {unit}" for torque in values["rated"].values()])
+    return (
+        f"masses and payloads ask for another size on each joint: is it in {values['share']} of the drives' "
+        f"rated torques (about {rated})? Then unit = rated torque / {values['parts']:g}, of the data sheets"
+    )
+
+
 @says("gravity")
 def _gravity(issue: IssueLike) -> str:
     if "motion" not in issue.values["lacks"]:
@@ -158,10 +168,14 @@ def _zero(issue: IssueLike) -> str:
 
 @says("reference")
 def _reference(issue: IssueLike) -> str:
-    noise = f"{number(max(issue.values['noise'].values()), 2)} {unit_in(issue, 'rad')}"
+    return f"it {no_noise_text(max(issue.values['noise'].values()), unit_in(issue, 'rad'))}"
+
+
+def no_noise_text(largest: float, unit: str) -> str:
+    """What is said of an angle without noise, without its name."""
     return (
-        f"it has next to no noise ({noise}, less than any encoder's counts leave), but the torque has: is it "
-        "the commanded angle, or a computed one? Log the measured angle of the motor"
+        f"has next to no noise ({number(largest, 2)} {unit}, less than any encoder's counts leave), but the "
+        "torque has: is it the commanded angle, or a computed one? Log the measured angle of the motor"
     )
 
 

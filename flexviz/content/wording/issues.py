@@ -118,6 +118,8 @@ def reason(issue: IssueLike) -> str:
     if issue.kind == "delay":
         when = "late" if values["delay"] > 0 else "early"
         return f"the torque stamped {1e3 * abs(values['delay']):.2g} ms {when}"
+    if issue.kind == "rated":
+        return f"{values['share']} of rated torques"
     if issue.kind == "magnitude":
         return "the sign that it lacks"
     if not issue.fixes and issue.kind == "unit":

@@ -8,7 +8,7 @@ from flexviz.base.facts import Fact
 from flexviz.base.spelling import number
 from flexviz.content.wording.errors import noise_text
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.issue_kinds import SATURATED, no_torque_text, stands_text
+from flexviz.content.wording.issue_kinds import SATURATED, no_noise_text, no_torque_text, stands_text
 
 
 @says("no-torque")
@@ -29,6 +29,13 @@ def torque_saturated(fact: Fact) -> str:
         for joint, low, high, *rest in columns
     )
     return f"{'; '.join(each)}: {SATURATED}"
+
+
+@says("reference")
+def reference(fact: Fact) -> str:
+    """Angles that no sensor has measured."""
+    unit = " or ".join(dict.fromkeys(fact.values["units"]))
+    return f"theta of {', '.join(fact.joints)} {no_noise_text(max(fact.values['noise']), unit)}"
 
 
 @says("behind-gear")
