@@ -123,7 +123,7 @@ def _scale_hint(issue: IssueLike) -> str:
     """Possible reasons for τ of another size, where no unit or gear of the mapping explains it."""
     slopes, gears = issue.values["slopes"], issue.values["stated_gears"]
     if min(slopes.values()) > 1:
-        return "a smaller unit, or a gear counted twice"
+        return "a smaller unit, a gear counted twice, or per cent or per mille of the rated torque (unit)"
     if 1.0 not in gears.values():
         about = ", ".join(f"{1 / slope / gears[joint]:.2g}" for joint, slope in slopes.items())
         return (
