@@ -8,9 +8,10 @@ from flexviz.checks import hypotheses, masks  # registers what may be wrong
 from flexviz.checks.columns import check_optional_columns
 from flexviz.checks.faults import HYPOTHESES, Case, Fault, hypothesis
 from flexviz.checks.groups import check_groups
-from flexviz.checks.issues import Issue, Severity
+from flexviz.checks.issues import Issue, Severity, with_sliding
 from flexviz.checks.masks.filtered import FilteredLog, filtered_before_writing
 from flexviz.checks.masks.jumps import check_jumps
+from flexviz.checks.masks.references import unmeasured
 from flexviz.checks.masks.saturation import SeenLimit, saturated_joints, seen_limits
 from flexviz.checks.masks.silent import silent_joints
 from flexviz.checks.noise import check_signals, noise_notes
@@ -82,5 +83,7 @@ __all__ = [
     "silent_joints",
     "spoilt_group",
     "spoilt_samples",
+    "unmeasured",
     "with_plausibility_warnings",
+    "with_sliding",
 ]

@@ -35,6 +35,7 @@ class Fault:
         groups: that are concerned, by number; none: all of them.
         fixes, proposals: keys of the mapping that undo it.
         prior: logarithm of the probability, against the others of its kind.
+        open: logarithm of the precision to which the data find what it does not know, over that before.
         values: further facts.
     """
 
@@ -46,6 +47,7 @@ class Fault:
     fixes: tuple[Fix, ...] = ()
     proposals: tuple[Proposal, ...] = ()
     prior: float = 0.0
+    open: float = 0.0
     values: Mapping[str, Any] = field(default_factory=dict)
     groups: tuple[int, ...] = ()
 
@@ -121,7 +123,9 @@ def moves(case: Case) -> list[Fault]:
         own = list(kind(case))
         weights = np.exp([move.prior for move in own])
         for move, weight in zip(own, weights, strict=True):
-            found.append(replace(move, prior=float(np.log(LIMITS.fault * weight / np.sum(weights)))))
+            found.append(
+                replace(move, prior=float(np.log(LIMITS.fault * weight / np.sum(weights))) + move.open)
+            )
     return found
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexviz.checks.columns import check_optional_columns, compared_with
-from flexviz.checks.issues import Issue, Severity
+from flexviz.checks.issues import Issue, Severity, with_sliding
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.thresholds import LIMITS
 from flexviz.checks.torques import check_torques
@@ -41,7 +41,7 @@ def check_groups(
         signals = {"swapped": ("theta", "tau")}.get(issue.kind, (compared_with(issue.signal),))
         if not any((issue.joints[0], signal) in known for signal in signals):
             found.append(issue)
-    return found
+    return with_sliding(found, robot)
 
 
 def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:

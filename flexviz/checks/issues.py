@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from flexviz.base.facts import Fact
 from flexviz.data.logs import Fix, Proposal
+from flexviz.robot.robot import Robot
 
 Severity = Literal["wrong", "odd"]
 
@@ -26,6 +27,7 @@ class Issue:
         fixes: changes of a mapping that would resolve it, where they are known.
         proposals: keys that would, for the user to decide.
         alike: what explains the data as well.
+        slides: those of the joints that slide.
     """
 
     kind: str
@@ -36,6 +38,7 @@ class Issue:
     fixes: tuple[Fix, ...] = ()
     proposals: tuple[Proposal, ...] = ()
     alike: Sequence[Issue] = ()
+    slides: tuple[str, ...] = ()
 
     @property
     def message(self) -> str:
@@ -50,3 +53,11 @@ class Issue:
         """Fixes and proposals, all as keys of the mapping."""
         fixes = (Proposal(("joints", fix.joint, fix.signal), fix.key, fix.value) for fix in self.fixes)
         return *fixes, *self.proposals
+
+
+def with_sliding(issues: Sequence[Issue], robot: Robot) -> list[Issue]:
+    """The issues with what is known of their joints: whether they slide."""
+    sliding = {joint for joint, slides in zip(robot.joints, robot.prismatic, strict=True) if slides}
+    if not sliding:
+        return list(issues)
+    return [replace(one, slides=tuple(joint for joint in one.joints if joint in sliding)) for one in issues]

@@ -51,7 +51,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class JointColumns:
+class TorqueColumns:
     """What may explain one joint's torque at M instants.
 
     Attributes:
@@ -88,7 +88,7 @@ class JointColumns:
         return not np.ptp(self.tau) or not (np.ptp(self.masses, axis=0).any() or np.any(self.speeds))
 
 
-def reduced(columns: JointColumns, slow: Array) -> list[Band]:
+def reduced(columns: TorqueColumns, slow: Array) -> list[Band]:
     """The joint's columns at low and at high frequencies; nothing of a joint at rest.
 
     `slow` (M, k): basis of the low frequencies.

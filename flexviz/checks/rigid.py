@@ -27,8 +27,8 @@ from flexviz.base.errors import InputError
 from flexviz.checks.joint_fit import (
     UNKNOWN_SIZE,
     Band,
-    JointColumns,
     JointFit,
+    TorqueColumns,
     fit_joint,
     reduced,
     swings_of,
@@ -153,7 +153,7 @@ class Comparison:
                 self._r[columns.key] = reduced(columns, self.slow)
         return [self._r[columns.key] for columns in every]
 
-    def columns(self, reading: Reading) -> list[JointColumns]:
+    def columns(self, reading: Reading) -> list[TorqueColumns]:
         """Of each joint: what may explain its torque."""
         parts, (_, v, a) = self._parts(reading), self._motion(reading)
         tau = self._tau(reading)
@@ -172,7 +172,7 @@ class Comparison:
         for j, motors in enumerate(acting.T):
             speeds = v[:, motors != 0.0] * motors[motors != 0.0]
             drift = self.ramps if reading.drifts[j] else none
-            result.append(JointColumns(parts[:, :, j].T, a[:, j], speeds, tau[:, j], drift))
+            result.append(TorqueColumns(parts[:, :, j].T, a[:, j], speeds, tau[:, j], drift))
         return result
 
     @cached_property

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexviz.base.arrays import Array, Bools, Indices
 from flexviz.base.facts import Remedy
-from flexviz.checks.issues import Issue, Severity
+from flexviz.checks.issues import Issue, Severity, with_sliding
 from flexviz.data.logs import NEEDED, Proposal
 from flexviz.data.measurements import Segment, pieces
 from flexviz.data.noise import Channel
@@ -153,12 +153,14 @@ def mask_of_groups(*, spoils: bool = False) -> Callable[[OfGroup], OfGroup]:
 
 def spoilt_samples(samples: AllSamples) -> list[Issue]:
     """Issues of signals of which nothing can be concluded."""
-    return [issue for kind in SPOILING.values() for issue in kind(samples)]
+    found = [issue for kind in SPOILING.values() for issue in kind(samples)]
+    return with_sliding(found, samples.robot)
 
 
 def other_samples(samples: AllSamples, but: Container[str] = ()) -> list[Issue]:
     """Issues of samples that are wrong although the signals are a robot's; `but`: without some masks."""
-    return [issue for name, kind in MASKS.items() if name not in but for issue in kind(samples)]
+    found = [issue for name, kind in MASKS.items() if name not in but for issue in kind(samples)]
+    return with_sliding(found, samples.robot)
 
 
 def kept(issues: Sequence[Issue], group: str, time: Array) -> Bools:

@@ -27,7 +27,7 @@ from flexviz.robot.robot import Robot
 log = logging.getLogger(__name__)
 # first group -> robot and groups of a set, and what was found: its other settings change nothing of it
 _FOUND: WeakKeyDictionary[Group, tuple[list[ref[Any]], tuple[Issue, ...]]] = WeakKeyDictionary()
-NAMED_ELSEWHERE = ("silent", "saturated", "filtered")  # masks: by identification and diagnosis
+NAMED_ELSEWHERE = ("silent", "saturated", "filtered", "references")  # masks: by identification and diagnosis
 HARMLESS = ("constant", "repeated")  # kinds: named while a set is read, or counted in its noise
 COMPARING = Fact("comparing-torques")
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexviz import identify
+from flexviz.analysis.acceptance import acceptance_scope
 from flexviz.analysis.diagnosis import maps_of
+from flexviz.base.facts import Fact
 from flexviz.base.units import joint_unit, unit_of_all
+from flexviz.checks import Issue, with_sliding
 from flexviz.content.charts import Chart, ChartAxis
 from flexviz.content.records import JointErrors
 from flexviz.content.scene import RobotMotion
@@ -22,6 +26,7 @@ from flexviz.outlets.recording.paths import TITLES, titled
 from flexviz.outlets.terminal import main
 from flexviz.outlets.view import joints_html
 from tests.data.test_import_prismatic import LIFT
+from tests.found import GUARD
 from tests.small_set import LINK
 
 UNITS = {  # of a lift (slides) that carries an arm (turns)
@@ -140,3 +145,34 @@ def test_units_in_the_app(lift: Path) -> None:
     shown = joints_html(("lift", "arm"), None, motion, 0.0, units=("N", "Nm"))
     assert "τ [N, Nm]" in shown and "θ − q [mm, mrad]" in shown
     assert "torque 0.100 N, deflection 100 mm" in shown and "torque 0.200 Nm, deflection 200 mrad" in shown
+
+
+ISSUES = [  # of one joint; what their sentences state of it where it slides
+    (Issue("zero", "odd", ("lift",), "q", {"difference": 0.2}), "0.2 m from"),
+    (Issue("reference", "odd", ("lift",), "theta", {"noise": {"lift": 1e-9}}), "e−9 m, less"),
+    (Issue("saturated", "odd", ("lift",), "tau",
+           {"lower": -3.0, "upper": 3.0, "tolerance": 1e-3, "rows": 9}), "(±3.000 N)"),
+    (Issue("unit", "wrong", ("lift",), "tau", {"slopes": {"lift": 0.1}, "stated_gears": {"lift": 5.0}}),
+     " N/A)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("issue", "expected"), ISSUES, ids=[issue.kind for issue, _ in ISSUES])
+def test_units_of_issues(lift: Path, issue: Issue, expected: str) -> None:
+    (sliding,) = with_sliding([issue], read_set(lift).robot)
+    assert sliding.slides == ("lift",) and expected in sliding.message
+    (turning,) = with_sliding([replace(issue, joints=("arm",))], read_set(lift).robot)
+    told = turning.message.replace(" Nm", " N").replace(" rad", " m")
+    assert expected in told and told != turning.message
+
+
+def test_units_of_facts(lift: Path) -> None:
+    measurements = read_set(lift)
+    lift_range, arm_range = (str(one.fact) for one in acceptance_scope(measurements).joints)
+    assert " m, up to " in lift_range and " m/s and " in lift_range and lift_range.endswith(" N")
+    assert " rad, up to " in arm_range and arm_range.endswith(" Nm")
+    values = {"variable": "velocity", "size": 3.0, "explained": 0.9, "direction": "both", "kind": "constant"}
+    assert "3 N " in Fact("curve-form", values=values | {"unit": "m/s"}).text
+    assert "3 Nm " in Fact("curve-form", values=values | {"unit": "rad/s"}).text
+    guard = replace(GUARD, units=("N", "N"))
+    assert " N between bandwidths" in str(next(guard.facts()))

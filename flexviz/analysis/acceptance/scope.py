@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexviz.base.arrays import Array
 from flexviz.base.facts import Fact
 from flexviz.data.measurements import Group, MeasurementSet
 
@@ -23,6 +24,7 @@ class JointRange:
         low, high: motor angle [rad].
         speed: largest speed [rad/s].
         torque: largest torque [Nm].
+        slides: whether it slides: m and N.
     """
 
     joint: str
@@ -30,11 +32,13 @@ class JointRange:
     high: float
     speed: float
     torque: float
+    slides: bool = False
 
     @property
     def fact(self) -> Fact:
         """The same for a text."""
-        values = {"low": self.low, "high": self.high, "speed": self.speed, "torque": self.torque}
+        names = ("low", "high", "speed", "torque", "slides")
+        values = {name: getattr(self, name) for name in names}
         return Fact("joint-range", joints=(self.joint,), values=values)
 
 
@@ -86,17 +90,18 @@ def acceptance_scope(measurements: MeasurementSet) -> AcceptanceScope:
         tuple(group.name for group in groups),
         bool(measurements.validation_groups),
         sum(group.duration for group in groups),
-        tuple(_ranges(groups, measurements.joints)),
+        tuple(_ranges(groups, measurements.joints, measurements.robot.prismatic)),
         {group.payload: sum(body.mass for body in group.bodies) for group in groups},
         tuple(map(float, measurements.robot.gravity)),
         (float(degrees.min()), float(degrees.max())) if len(degrees) else (),
     )
 
 
-def _ranges(groups: Sequence[Group], joints: Sequence[str]) -> Iterator[JointRange]:
+def _ranges(groups: Sequence[Group], joints: Sequence[str], slides: Array) -> Iterator[JointRange]:
     theta, tau = (np.concatenate([group.joined(name) for group in groups]) for name in ("theta", "tau"))
     fastest = [np.abs(s.mean_speeds).max(axis=0) for group in groups for s in group.segments]
     speed = np.max(fastest, axis=0)
     for j, joint in enumerate(joints):
         low, high = float(theta[:, j].min()), float(theta[:, j].max())
-        yield JointRange(joint, low, high, float(speed[j]), float(np.abs(tau[:, j]).max()))
+        most = float(np.abs(tau[:, j]).max())
+        yield JointRange(joint, low, high, float(speed[j]), most, bool(slides[j]))

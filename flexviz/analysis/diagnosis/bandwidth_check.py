@@ -100,6 +100,7 @@ def check_bandwidth(
     return BandwidthCheck(
         np.array([bandwidth(b) for b in bands]), in_use, layout.joints, np.array(rms), floor,
         np.array(change), top, wrong, curves, time.perf_counter() - began,
+        units=measurements.torque_units,
     )  # fmt: skip
 
 

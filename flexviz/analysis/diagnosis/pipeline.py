@@ -42,6 +42,7 @@ from flexviz.analysis.identification import (
     parameter_estimates,
     saturated_torques,
     torques_without_signal,
+    unmeasured_angles,
 )
 from flexviz.base.facts import Fact
 from flexviz.base.parallel import existing_objects_kept, stopped_by
@@ -245,6 +246,7 @@ class _Description:
         if (hertz := filtered_before_writing(segments).hertz) is not None:
             yield Fact("filtered", "odd", values={"hertz": hertz})
         yield from saturated_torques(self.course.measurements)
+        yield from unmeasured_angles(self.course.measurements)
         if (phase := self.course.view.context.first_phase).any():
             yield standstill(self.course.own.joints, phase)
 

@@ -38,6 +38,7 @@ from flexviz.analysis.motion import (
 )
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.facts import Fact
+from flexviz.base.units import joint_units
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.model.effects import EFFECTS
 from flexviz.model.equation import Layout, layout_of
@@ -182,7 +183,7 @@ class Estimator:
         stated = partial(point.stated, start.prior, from_noise=point.at_noise)
         return Estimate(
             layout, point.x, found.at_bound, stated, start.prior, start.x, True, point.at_noise, phase,
-            _refined(found),
+            _refined(found, self.measurements.robot.prismatic),
         )  # fmt: skip
 
     def in_motion(self, layout: Layout, motion: MotionFit, check: Callable[[], None]) -> Estimate:
@@ -216,8 +217,9 @@ class Estimator:
         return context.first_phase
 
 
-def _refined(found: Solved) -> Fact:
+def _refined(found: Solved, slides: Bools) -> Fact:
     """The model error of each joint that was allowed for [Nm], if any, and χ² per sample."""
     place = found.place
     added = tuple(np.sqrt(place.model_error).tolist()) if place.model_error.any() else ()
-    return Fact("refined", values={"model_error": added, "chi_square": float(np.mean(place.chi))})
+    values = {"model_error": added, "chi_square": float(np.mean(place.chi))}
+    return Fact("refined", values=values | {"units": joint_units("Nm", slides)})

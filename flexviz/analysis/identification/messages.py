@@ -9,7 +9,8 @@ import numpy as np
 from flexviz.analysis.identification.plain_fit import PlainFit
 from flexviz.analysis.identification.result import Identification
 from flexviz.base.facts import Fact, Remedy
-from flexviz.checks import seen_limits, silent_joints
+from flexviz.base.units import joint_units
+from flexviz.checks import seen_limits, silent_joints, unmeasured
 from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.robot.model import FlexibleModel
 
@@ -44,6 +45,15 @@ def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
         yield Fact("no-torque", "wrong", names, values=instead, remedy=remedy)
 
 
+def unmeasured_angles(measurements: MeasurementSet) -> Iterator[Fact]:
+    """Joints whose angle has less noise [rad] than any encoder, beside a measured torque."""
+    segments = [segment for group in measurements.groups for segment in group.segments]
+    if found := unmeasured(segments):
+        joints = tuple(measurements.joints[j] for j in found)
+        units = joint_units("rad", (measurements.robot.prismatic[j] for j in found))
+        yield Fact("reference", "odd", joints, values={"noise": tuple(found.values()), "units": units})
+
+
 def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:
     """Joints whose torque stands at a limit, with these limits [Nm]; a side without one is missing."""
     if found := seen_limits(measurements):
@@ -52,6 +62,7 @@ def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:
             "upper": tuple(one.upper if np.isfinite(one.upper) else None for one in found),
             "tolerance": tuple(one.tolerance for one in found),
             "rows": tuple(one.rows for one in found),
+            "units": joint_units("Nm", (measurements.robot.prismatic[one.joint] for one in found)),
         }
         joints = tuple(measurements.joints[one.joint] for one in found)
         yield Fact("torque-saturated", "odd", joints, values=limits)

@@ -28,6 +28,7 @@ from flexviz.analysis.identification.messages import (
     holds_used,
     saturated_torques,
     torques_without_signal,
+    unmeasured_angles,
 )
 from flexviz.analysis.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.analysis.identification.plots import remember
@@ -104,6 +105,7 @@ def identify(
     facts = (
         *result.facts, *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model),
         *torques_without_signal(measurements), *saturated_torques(measurements),
+        *unmeasured_angles(measurements),
     )  # fmt: skip
     result = replace(result, facts=facts, recording=recording_entries(measurements))
     return remember(replace(result, seconds=time.perf_counter() - began), measurements)

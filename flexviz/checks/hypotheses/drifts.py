@@ -38,4 +38,4 @@ def drifts(case: Case) -> Iterator[Fault]:
             return replace(now, drifts=now.drifts | (np.arange(len(now.drifts)) == j))
 
         values = {"drift": size, "unit": "N" if comparison.robot.prismatic[j] else "Nm"}
-        yield Fault("drift", (j,), "tau", drifting, values=values, prior=-float(cost))
+        yield Fault("drift", (j,), "tau", drifting, values=values, open=-float(cost))

@@ -57,9 +57,9 @@ def turned(case: Case) -> Iterator[Fault]:
         for g, name in ((-1, ""), *(groups if len(groups) > 1 else ())):
             rows = case.comparison.rows_of(g) if name else slice(None)
             found = start.angle(slope, rows)
-            prior = float(np.log(min(found.std / np.pi, 1.0)))
+            known = float(np.log(min(found.std / np.pi, 1.0)))
             large = LIMITS.smallest_motion < abs(found.size) < np.pi / 4
-            if not large or found.gain + prior < SURE - np.log(LIMITS.fault):
+            if not large or found.gain + known < SURE - np.log(LIMITS.fault):
                 continue
             here = case.at((j,), 1.0, 0.0)
             here, angle = case.of_group(g, here, 0.0) if name else here, found.size
@@ -73,7 +73,7 @@ def turned(case: Case) -> Iterator[Fault]:
             values = {"angle": angle, **({"groups": (name,)} if name else {})}
             values |= {"untold": True} if not name and abs(angle) < LIMITS.zero else {}
             where = (g,) if name else ()
-            yield Fault("zero", (j,), "theta", moved, f"any{name}", prior=prior, values=values, groups=where)
+            yield Fault("zero", (j,), "theta", moved, f"any{name}", open=known, values=values, groups=where)
 
 
 class _Turning:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
+from flexviz.base.units import joint_unit
 from flexviz.content.wording import number, percent, quantity
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.compensation import sliding_friction
@@ -29,6 +30,7 @@ class SpeedRange:
     high: float
     before: float
     after: float
+    slides: bool = False  # of a joint that slides: m/s and N
 
     @property
     def removed(self) -> float:
@@ -38,7 +40,7 @@ class SpeedRange:
     @property
     def text(self) -> str:
         """ "0.10 … 0.32 rad/s"."""
-        return f"{number(self.low, 2)} … {number(self.high, 2)} rad/s"
+        return f"{number(self.low, 2)} … {number(self.high, 2)} {joint_unit('rad/s', self.slides)}"
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class ComparedFriction:
     before: float
     after: float
     speeds: tuple[SpeedRange, ...]
+    slides: bool = False  # N
 
     @property
     def removed(self) -> float:
@@ -58,7 +61,8 @@ class ComparedFriction:
     @property
     def text(self) -> str:
         """ "joint1: 92 % of the friction torque removed, 2.10 Nm to 0.160 Nm"."""
-        fall = f"{quantity(self.before, 'Nm')} to {quantity(self.after, 'Nm')}"
+        unit = joint_unit("Nm", self.slides)
+        fall = f"{quantity(self.before, unit)} to {quantity(self.after, unit)}"
         return f"{self.joint}: {percent(self.removed)} of the friction torque removed, {fall}"
 
 
@@ -98,16 +102,16 @@ def _joints(
     loads = [s.tau[m : len(s) - m] for s, m in zip(segments, middles, strict=True)]
     speed, load = np.concatenate(speeds), np.concatenate(loads)
     for j, joint in enumerate(before.joints):
-        v, s = speed[:, j], load[:, j]
+        v, s, slides = speed[:, j], load[:, j], bool(measurements.robot.prismatic[j])
         old, new = (sliding_friction(model, j, v, s) for model in (before, after))
         edges = np.quantile(np.abs(v), np.linspace(0, 1, RANGES + 1))
         of = np.clip(np.searchsorted(edges, np.abs(v), side="right") - 1, 0, RANGES - 1)
         ranges = tuple(
-            SpeedRange(float(edges[k]), float(edges[k + 1]), _rms(old[of == k]), _rms(new[of == k]))
+            SpeedRange(float(edges[k]), float(edges[k + 1]), _rms(old[of == k]), _rms(new[of == k]), slides)
             for k in range(RANGES)
             if np.any(of == k)
         )
-        yield ComparedFriction(joint, _rms(old), _rms(new), ranges)
+        yield ComparedFriction(joint, _rms(old), _rms(new), ranges, slides)
 
 
 def _rms(values: Array) -> float:

@@ -48,6 +48,7 @@ class BandwidthCheck:
             that counts.
         parameters: identifiable parameters.
         seconds: wall time.
+        units: of each joint's torque, "N" where it slides; empty if all are in Nm.
     """
 
     bandwidths: Column
@@ -61,6 +62,7 @@ class BandwidthCheck:
     parameters: tuple[ParameterCurve, ...]
     seconds: float
     observer: str = "two bands"
+    units: tuple[str, ...] = ()
 
     @property
     def untrusted(self) -> tuple[ParameterCurve, ...]:
@@ -72,6 +74,7 @@ class BandwidthCheck:
         between = {"bandwidths": (float(self.bandwidths[0]), float(self.bandwidths[-1]))}
         for j in np.flatnonzero(self.observer_error):
             changes = between | {"change": float(self.change[:, j].max())}
+            changes |= {"unit": self.units[j]} if self.units else {}
             yield Fact("bandwidth", "odd", (self.joints[j],), values=changes)
         for p in self.untrusted:
             values = {

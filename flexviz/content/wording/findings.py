@@ -144,7 +144,7 @@ def curve_text(values: Sequence[EffectParameter]) -> str:
     torques = [node.value for node in nodes]
     return (
         f"from {number(low.value, 3)} to {number(high.value, 3)} {unit_text(low.unit)}: "
-        f"{number(min(torques), 3)} … {number(max(torques), 3)} Nm"
+        f"{number(min(torques), 3)} … {number(max(torques), 3)} {unit_text(nodes[0].unit)}"
     )
 
 

@@ -7,9 +7,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexviz.base.spelling import listed, number
+from flexviz.base.units import joint_unit
 from flexviz.content.wording.issues import IssueLike, gained, general, keys_text, percent, says
 
 SATURATED = "saturated; these rows are left out of fits"
+
+
+def unit_in(issue: IssueLike, unit: str) -> str:
+    """The unit of a quantity of an issue's joints, from that of joints that turn."""
+    return " or ".join(dict.fromkeys(joint_unit(unit, joint in issue.slides) for joint in issue.joints))
 
 
 @says("mounting")
@@ -32,6 +38,16 @@ def _payload(issue: IssueLike) -> str:
 def _magnitude(issue: IssueLike) -> str:
     lost = "it is never negative, as if it had lost its sign: "
     return f"{lost}{general(issue)}. Log the torque or current with its sign"
+
+
+@says("rated")
+def _rated(issue: IssueLike) -> str:
+    values, unit = issue.values, unit_in(issue, "Nm")
+    rated = listed([f"{number(torque, 2)} {unit}" for torque in values["rated"].values()])
+    return (
+        f"masses and payloads ask for another size on each joint: is it in {values['share']} of the drives' "
+        f"rated torques (about {rated})? Then unit = rated torque / {values['parts']:g}, of the data sheets"
+    )
 
 
 @says("gravity")
@@ -81,10 +97,11 @@ def _unknown_unit(issue: IssueLike) -> str:
     units, ratios = (
         listed([f"{x:.2g}" for x in issue.values[name].values()]) for name in ("unit_sizes", "gears")
     )
+    unit = unit_in(issue, "rad")
     return (
-        f"no known unit explains it. With about {units} rad per unit the robot's masses explain "
+        f"no known unit explains it. With about {units} {unit} per unit the robot's masses explain "
         f"{gained(issue)}: the motor's angle before a gear of about {ratios} (gear, side), or "
-        "per cent of the joint's range (unit = the size of one in rad)?"
+        f"per cent of the joint's range (unit = the size of one in {unit})?"
     )
 
 
@@ -106,10 +123,12 @@ def _scale_hint(issue: IssueLike) -> str:
     """Possible reasons for τ of another size, where no unit or gear of the mapping explains it."""
     slopes, gears = issue.values["slopes"], issue.values["stated_gears"]
     if min(slopes.values()) > 1:
-        return "a smaller unit, or a gear counted twice"
+        return "a smaller unit, a gear counted twice, or per cent or per mille of the rated torque (unit)"
     if 1.0 not in gears.values():
         about = ", ".join(f"{1 / slope / gears[joint]:.2g}" for joint, slope in slopes.items())
-        return f'a current (unit = "A", side = "motor", torque_constant about {about} Nm/A)'
+        return (
+            f'a current (unit = "A", side = "motor", torque_constant about {about} {unit_in(issue, "Nm")}/A)'
+        )
     about = ", ".join(f"{1 / slope:.2g}" for slope in slopes.values())
     return f'a current (unit = "A", torque_constant), or before a gear (of about {about}; gear, side)'
 
@@ -143,17 +162,19 @@ def _against_theta(issue: IssueLike) -> str:
 def _zero(issue: IssueLike) -> str:
     if "difference" not in issue.values:
         return general(issue)
-    return (
-        f"its mean is {issue.values['difference']:.3g} rad from that of theta, too far for a spring: another "
-        "zero position?"
-    )
+    difference = f"{issue.values['difference']:.3g} {unit_in(issue, 'rad')}"
+    return f"its mean is {difference} from that of theta, too far for a spring: another zero position?"
 
 
 @says("reference")
 def _reference(issue: IssueLike) -> str:
-    largest = max(issue.values["noise"].values())
+    return f"it {no_noise_text(max(issue.values['noise'].values()), unit_in(issue, 'rad'))}"
+
+
+def no_noise_text(largest: float, unit: str) -> str:
+    """What is said of an angle without noise, without its name."""
     return (
-        f"it has next to no noise ({number(largest, 2)} rad, less than any encoder's counts leave), but the "
+        f"has next to no noise ({number(largest, 2)} {unit}, less than any encoder's counts leave), but the "
         "torque has: is it the commanded angle, or a computed one? Log the measured angle of the motor"
     )
 
@@ -217,19 +238,19 @@ def no_torque_text(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 @says("saturated")
 def _saturated(issue: IssueLike) -> str:
-    return f"it {stands_text(**issue.values)}: {SATURATED}"
+    return f"it {stands_text(**issue.values, unit=unit_in(issue, 'Nm'))}: {SATURATED}"
 
 
-def stands_text(lower: float, upper: float, tolerance: float, rows: int) -> str:
+def stands_text(lower: float, upper: float, tolerance: float, rows: int, unit: str = "Nm") -> str:
     """Where a torque stands, without its name."""
     high, low = math.isfinite(upper), math.isfinite(lower)
     if high and low and abs(lower + upper) <= 2 * tolerance + 1e-3 * upper:
-        at = f"largest / smallest value (±{number(upper, 4)} Nm)"
+        at = f"largest / smallest value (±{number(upper, 4)} {unit})"
     elif high and low:
-        at = f"largest / smallest value ({number(upper, 4)} and {number(lower, 4)} Nm)"
+        at = f"largest / smallest value ({number(upper, 4)} and {number(lower, 4)} {unit})"
     else:
         side, value = ("largest", upper) if high else ("smallest", lower)
-        at = f"{side} value ({number(value, 4)} Nm)"
+        at = f"{side} value ({number(value, 4)} {unit})"
     return f"stands at its {at} in {rows} rows"
 
 

@@ -37,6 +37,8 @@ class IssueLike(Protocol):
     def remedies(self) -> Sequence[Any]: ...
     @property
     def alike(self) -> Sequence[Any]: ...
+    @property
+    def slides(self) -> tuple[str, ...]: ...
 
 
 SAYING: dict[str, Callable[[Any], str]] = {}
@@ -124,6 +126,8 @@ def reason(issue: IssueLike) -> str:
         return f"the torque stamped {1e3 * abs(values['delay']):.2g} ms {when}"
     if "read_as" in values:
         return values["read_as"]
+    if issue.kind == "rated":
+        return f"{values['share']} of rated torques"
     if issue.kind == "magnitude":
         return "the sign that it lacks"
     if not issue.fixes and issue.kind == "unit":

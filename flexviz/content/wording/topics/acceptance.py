@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flexviz.base.facts import Fact
 from flexviz.base.spelling import listed, number, plural
+from flexviz.base.units import joint_unit
 from flexviz.content.records import PERCENT
 from flexviz.content.wording.facts import says
 from flexviz.content.wording.numbers import plain_name, quantity
@@ -93,9 +94,10 @@ def not_proved(fact: Fact) -> str:
 def joint_range(fact: Fact) -> str:
     """ "joint1: -1.20 … 1.30 rad, up to 2.10 rad/s and 40.0 Nm"."""
     values = fact.values
-    angle = f"{number(values['low'], 3)} … {number(values['high'], 3)} rad"
-    fastest, most = number(values["speed"], 3), quantity(values["torque"], "Nm")
-    return f"{fact.joints[0]}: {angle}, up to {fastest} rad/s and {most}"
+    unit, of_torque = (joint_unit(one, values.get("slides", False)) for one in ("rad", "Nm"))
+    way = f"{number(values['low'], 3)} … {number(values['high'], 3)} {unit}"
+    fastest, most = number(values["speed"], 3), quantity(values["torque"], of_torque)
+    return f"{fact.joints[0]}: {way}, up to {fastest} {unit}/s and {most}"
 
 
 @says("acceptance-scope")

@@ -85,8 +85,9 @@ def bandwidth(fact: Fact) -> str:
     values = fact.values
     if "parameter" not in values:
         low, high = values["bandwidths"]
+        change = f"{values['change']:.3g} {values.get('unit', 'Nm')}"
         return (
-            f"{fact.joints[0]}: the residual changes by up to {values['change']:.3g} Nm between bandwidths "
+            f"{fact.joints[0]}: the residual changes by up to {change} between bandwidths "
             f"of {low:.3g} and {high:.3g} rad/s: part of it is observer error, not physics"
         )
     place = f" ({', '.join(values['places'])})" if values["places"] else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flexviz.base.facts import Fact
 from flexviz.base.spelling import listed, plural
+from flexviz.base.units import unit_of_all
 from flexviz.content.wording.errors import percent
 from flexviz.content.wording.facts import says
 from flexviz.content.wording.numbers import plain_name
@@ -34,7 +35,10 @@ def refined(fact: Fact) -> str:
     """A refinement to the noise, or despite a model error."""
     if added := fact.values["model_error"]:
         shown = ", ".join(f"{value:.2g}" for value in added)
-        return f"refined; the model errs more than the sensors, a model error ({shown} Nm) was allowed for"
+        unit = unit_of_all(fact.values.get("units", ()))
+        return (
+            f"refined; the model errs more than the sensors, a model error ({shown} {unit}) was allowed for"
+        )
     chi_square = fact.values["chi_square"]
     return f"refined; whitened residual {chi_square:.3g} per sample (1 = measurement noise alone)"
 

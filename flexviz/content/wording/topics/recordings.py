@@ -8,7 +8,7 @@ from flexviz.base.facts import Fact
 from flexviz.base.spelling import number
 from flexviz.content.wording.errors import noise_text
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.issue_kinds import SATURATED, no_torque_text, stands_text
+from flexviz.content.wording.issue_kinds import SATURATED, no_noise_text, no_torque_text, stands_text
 from flexviz.content.wording.sample_kinds import what_is_said
 
 
@@ -23,12 +23,20 @@ def no_torque(fact: Fact) -> str:
 def torque_saturated(fact: Fact) -> str:
     """Joints whose torque stands at a limit."""
     names = ("lower", "upper", "tolerance", "rows")
-    columns = zip(fact.joints, *(fact.values[name] for name in names), strict=True)
+    units = fact.values.get("units") or ("Nm",) * len(fact.joints)
+    columns = zip(fact.joints, *(fact.values[name] for name in names), units, strict=True)
     each = (
         f"tau of {joint} {stands_text(-inf if low is None else low, inf if high is None else high, *rest)}"
         for joint, low, high, *rest in columns
     )
     return f"{'; '.join(each)}: {SATURATED}"
+
+
+@says("reference")
+def reference(fact: Fact) -> str:
+    """Angles that no sensor has measured."""
+    unit = " or ".join(dict.fromkeys(fact.values["units"]))
+    return f"theta of {', '.join(fact.joints)} {no_noise_text(max(fact.values['noise']), unit)}"
 
 
 @says("behind-gear")
