@@ -39,6 +39,7 @@ from flexviz.checks.sets import (
     with_plausibility_warnings,
 )
 from flexviz.checks.thresholds import LIMITS
+from flexviz.checks.torque_side import behind_gear, torque_evidence
 
 __all__ = [
     "HYPOTHESES",
@@ -56,6 +57,7 @@ __all__ = [
     "SampleFinding",
     "SeenLimit",
     "Severity",
+    "behind_gear",
     "check_groups",
     "check_jumps",
     "check_optional_columns",
@@ -83,6 +85,7 @@ __all__ = [
     "silent_joints",
     "spoilt_group",
     "spoilt_samples",
+    "torque_evidence",
     "unmeasured",
     "with_plausibility_warnings",
     "with_sliding",

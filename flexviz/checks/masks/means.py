@@ -75,11 +75,19 @@ class TorqueMeans:
     rows: Indices  # (B + 1,) samples of the recording where they begin and end
 
     @staticmethod
-    def of(recording: GroupSamples) -> TorqueMeans | None:
-        """None for a recording that is too short; there are none over gaps."""
+    def of(
+        recording: GroupSamples, smoothed: float = SMOOTHED, every: float = SMOOTHED / 2
+    ) -> TorqueMeans | None:
+        """None for a recording that is too short; there are none over gaps.
+
+        Args:
+            recording: of one group.
+            smoothed: of each of three means, one of the other [s].
+            every: from one mean to the next [s].
+        """
         time = recording.time
         step = float(np.median(np.diff(time)))
-        width = max(2, round(SMOOTHED / step))
+        width = max(2, round(smoothed / step))
         uniform = np.arange(time[0], time[-1], step)
         if len(uniform) < FEWEST * width:
             return None
@@ -96,7 +104,7 @@ class TorqueMeans:
         middle = uniform[len(weights) // 2 :][: len(q)]
         apart = np.diff(time)[np.clip(np.searchsorted(time, uniform) - 1, 0, len(time) - 2)]
         whole = np.convolve(apart > GAP * step, np.ones(len(weights)), "valid") < 0.5
-        at = np.arange(width // 4, len(q), width // 2)
+        at = np.arange(width // 4, len(q), max(1, round(every / step)))
         at = at[whole[at]]
         if len(at) < FEWEST:
             return None
