@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks.command import command
 from benchmarks.independent import make_case
 from flexviz import identify, read_set
-from flexviz.data.measurements import Array, MeasurementSet, silent_joints
+from flexviz.checks import silent_joints
+from flexviz.data.measurements import Array, MeasurementSet
 
 KIND = "coulomb_friction"  # hidden on one joint; the model has it on all
 SECONDS = 8.0  # of a run

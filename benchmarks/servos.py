@@ -197,10 +197,10 @@ def main() -> None:
     named = sum(len(set(c.hidden) & set(c.named)) for c in cases)
     false = sum(len(set(c.named) - set(c.hidden)) for c in cases)
     inside = [one for c in cases for one in c.inside]
-    clean = [c for c in cases if not c.hidden]
+    clean = [c.verdict == "nothing-missing" for c in cases if not c.hidden]
     print(
         f"{len(cases)} sets: {named} of {hidden} named, {false} false; inside {np.mean(inside):.3f} of "
-        f"{len(inside)}; clean with nothing missing: {sum(c.verdict == 'nothing-missing' for c in clean)} of {len(clean)}"
+        f"{len(inside)}; clean with nothing missing: {sum(clean)} of {len(clean)}"
     )
     if given.json:
         given.json.write_text(json.dumps([c.__dict__ for c in cases], default=str, indent=1))

@@ -22,8 +22,8 @@ from benchmarks.filtered_logs import low_pass, moving_average
 from benchmarks.real import sets_in
 from flexviz import read_set
 from flexviz.base.errors import InputError
+from flexviz.checks import check_signals, filtered_before_writing
 from flexviz.data.measurements import Segment
-from flexviz.data.noise import check_signals, filtered_before_writing
 
 HERTZ = (5.0, 10.0, 20.0)
 Low = Callable[[np.ndarray, float, float], np.ndarray]  # signal (N, n), rate [Hz], cut-off [Hz]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from flexviz import identify, read_set
-from flexviz.model.equation import torque_evidence
+from flexviz.checks import torque_evidence
 from flexviz.model.simulation.plan import Plan
 from flexviz.model.simulation.presets import PRESETS
 from flexviz.model.simulation.run import Run

@@ -13,10 +13,12 @@ Everything named in ``__all__`` is loaded when it is first used, so ``import fle
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flexviz.base.facts import Fact
+from flexviz.base.hooks import SetChecks
 from flexviz.base.pages import Shown
 
 __version__ = "0.1.0"
@@ -140,8 +142,14 @@ def _in_blocks(result: Any) -> Any:
     return import_module("flexviz.content.topics").blocks_of(result)
 
 
+def _of_checks(name: str) -> Callable[[Any], Any]:
+    return lambda measurements: getattr(import_module("flexviz.checks"), name)(measurements)
+
+
 Fact.words = _in_words  # facts know no words, which stand above them
 Shown.blocks = _in_blocks  # nor do results know what is said of them
+SetChecks.refuse = _of_checks("refuse_wrong_units")  # nor do data know what they are compared with
+SetChecks.seen_limits = _of_checks("seen_limits")
 
 
 def __dir__() -> list[str]:

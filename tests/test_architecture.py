@@ -27,8 +27,8 @@ LONGEST_FUNCTION = 60  # [lines]
 # order. Of a room in several rows, what stands lower is needed by other rooms; what stands higher needs them.
 LAYERS = (
     {
-        "base": "_scipy arrays errors facts fields files fourier iteration jobs limits names nonnegative"
-        " pages parallel progress recent resources schemas search spelling statistics toml units"
+        "base": "_scipy arrays errors facts fields files fourier hooks iteration jobs limits names"
+        " nonnegative pages parallel progress recent resources schemas search spelling statistics toml units"
     },
     {"robot": "_pinocchio model mounting robot robot_files urdf_checks urdf_inertias urdf_joints urdf_units"},
     {"model": "effects"},  # a set names those of its model

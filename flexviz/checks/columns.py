@@ -20,7 +20,19 @@ def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> li
         for j, joint in enumerate(mapping.names):
             parts = joint_parts(tables, j, name)
             found += check_against_theta(mapping, joint, name, parts) if parts else []
+    for j, joint in enumerate(mapping.names):
+        share, slope = followed(joint_parts(tables, j, "tau_joint", beside=compared_with("tau_joint")))
+        # motor inertia and friction are only in τ
+        if slope is None or share < LIMITS.follows:
+            continue
+        if not 1 / LIMITS.far_beyond < abs(slope) < LIMITS.far_beyond:
+            found.append(wrong_scale(mapping, joint, "tau_joint", slope))
     return found
+
+
+def compared_with(name: str) -> str:
+    """The measured signal that a column for comparison nearly is."""
+    return "tau" if name == "tau_joint" else "theta"
 
 
 def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[JointPart]) -> list[Issue]:
@@ -47,12 +59,12 @@ def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[Joi
 
 
 def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
-    """The issue of a column that follows θ by a factor other than 1."""
+    """The issue of a column that follows θ, or τ, by a factor other than 1."""
     signs = {}, {"sign": -getattr(mapping.joints[joint], name).sign}
     keys = {}, *conversions(mapping, joint, name)
     combined = [change_of(mapping, joint, name, one | sign) for sign, one in product(signs, keys)]
     correct = [x for x in combined if 1 / LIMITS.agrees < slope * x.factor < LIMITS.agrees]
-    values = {"times_theta": slope}
+    values = {"times_theta": slope, "times": slope, "measured": compared_with(name)}
     if not correct:
         return Issue("unit", "wrong", (joint,), name, values)
     change = min(correct, key=lambda x: len(str(x)))

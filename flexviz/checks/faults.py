@@ -1,6 +1,6 @@
-"""What may be wrong with a recording: one move is one thing, and the reading of the columns if it is so.
+"""What may be wrong with a recording: one thing, and the reading of the columns if it is so.
 
-A kind of fault is a function that yields moves, registered by `hypothesis`, in a file of its own in
+A kind of fault is a function that yields faults, registered by `hypothesis`, in a file of its own in
 `flexviz/checks/hypotheses`. What it yields shares the kind's probability.
 """
 
@@ -31,10 +31,11 @@ class Fault:
         joints: that are concerned.
         signal: whose columns are concerned: "theta", "tau", "theta and tau", "payloads", "robot".
         change: the reading with it, of the reading without.
-        name: distinguishes the moves of a kind on the same joints and signal.
+        name: distinguishes the faults of a kind on the same joints and signal.
         groups: that are concerned, by number; none: all of them.
         fixes, proposals: keys of the mapping that undo it.
         prior: logarithm of the probability, against the others of its kind.
+        open: logarithm of the precision to which the data find what it does not know, over that before.
         values: further facts.
     """
 
@@ -46,6 +47,7 @@ class Fault:
     fixes: tuple[Fix, ...] = ()
     proposals: tuple[Proposal, ...] = ()
     prior: float = 0.0
+    open: float = 0.0
     values: Mapping[str, Any] = field(default_factory=dict)
     groups: tuple[int, ...] = ()
 
@@ -73,7 +75,7 @@ class Case:
     Attributes:
         mapping: what is stated.
         comparison: the motion.
-        now: the reading from which the moves go.
+        now: the reading to which a fault is added.
         payloads_known: whether the groups' payloads are stated.
     """
 
@@ -96,32 +98,39 @@ class Case:
         """(n,) a value at these joints."""
         return np.where(np.isin(self.every, joints), value, otherwise)
 
+    def of_group(self, group: int, value: float | Array, otherwise: float = 1.0) -> Array:
+        """(groups, n) a value, or one per joint, in one group."""
+        here = np.arange(len(self.comparison.names))[:, None] == group
+        return np.where(here, value, np.full(len(self.every), otherwise))
+
 
 Hypothesis = Callable[[Case], Iterator[Fault]]
 HYPOTHESES: dict[str, Hypothesis] = {}
 
 
 def hypothesis(function: Hypothesis) -> Hypothesis:
-    """Register a function that yields the moves of a kind of fault."""
+    """Register a function that yields the faults of a kind."""
     HYPOTHESES[f"{function.__module__}.{function.__name__}"] = function
     return function
 
 
-def moves(case: Case) -> list[Fault]:
+def possible_faults(case: Case) -> list[Fault]:
     """Everything that may be wrong apart from what the reading changes already."""
     if case.now.magnitude:  # the masses' own sign would agree with any of them
         return []
     found = []
     for kind in HYPOTHESES.values():
         own = list(kind(case))
-        weights = np.exp([move.prior for move in own])
-        for move, weight in zip(own, weights, strict=True):
-            found.append(replace(move, prior=float(np.log(LIMITS.fault * weight / np.sum(weights)))))
+        weights = np.exp([fault.prior for fault in own])
+        for fault, weight in zip(own, weights, strict=True):
+            found.append(
+                replace(fault, prior=float(np.log(LIMITS.fault * weight / np.sum(weights))) + fault.open)
+            )
     return found
 
 
-def together(moved: Sequence[Fault], start: Reading) -> Reading:
-    """The reading with several moves."""
-    for move in moved:
-        start = move.change(start)
+def together(faults: Sequence[Fault], start: Reading) -> Reading:
+    """The reading with several faults."""
+    for fault in faults:
+        start = fault.change(start)
     return start

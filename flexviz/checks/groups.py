@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from flexviz.checks.columns import check_optional_columns
+import numpy as np
+
+from flexviz.checks.columns import check_optional_columns, compared_with
 from flexviz.checks.issues import Issue, Severity, with_sliding
 from flexviz.checks.rigid import Comparison, LoadedTable
 from flexviz.checks.thresholds import LIMITS
@@ -36,7 +38,7 @@ def check_groups(
     found = [s for s in found if s.kind != "unexplained" or not wrong_theta & set(s.joints)]
     known |= {(joint, "theta") for joint in wrong_theta}
     for issue in check_optional_columns(mapping, [table for _, table in groups]):
-        signals = ("theta", "tau") if issue.kind == "swapped" else ("theta",)
+        signals = {"swapped": ("theta", "tau")}.get(issue.kind, (compared_with(issue.signal),))
         if not any((issue.joints[0], signal) in known for signal in signals):
             found.append(issue)
     return with_sliding(found, robot)
@@ -46,12 +48,14 @@ def check_range(mapping: Mapping, model: Comparison) -> list[Issue]:
     """Positions that leave the joint's range, or move faster than it can, by far."""
     found = []
     for j, joint in enumerate(mapping.names):
-        excess = max(model.span[j] / model.width[j], model.speed[j] / model.fastest[j])
+        span, speed = (float(np.max(x[:, j])) for x in (model.span, model.speed))
+        excess = max(span / model.width[j], speed / model.fastest[j])
         if excess < LIMITS.beyond:
             continue
-        values = {name: float(getattr(model, name)[j]) for name in ("span", "speed", "width", "fastest")} | {
-            "unit": "m" if model.robot.prismatic[j] else "rad"
-        }
+        limits = {name: float(getattr(model, name)[j]) for name in ("width", "fastest")}
+        unit = "m" if model.robot.prismatic[j] else "rad"
+        values = {"span": span, "speed": speed, **limits, "unit": unit}
+        values["times"] = min(span / model.width[j], speed / model.fastest[j])
         severity: Severity = "wrong" if excess > LIMITS.far_beyond else "odd"
         found.append(Issue("unit", severity, (joint,), "theta", values))
     return found

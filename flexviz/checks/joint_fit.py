@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -50,18 +50,52 @@ class Band:
         return nonnegative_least_squares(columns / size, self.r[:, -1])[1] ** 2
 
 
-def reduced(masses: Array, a: Array, speeds: Array, tau: Array, slow: Array) -> list[Band]:
+@dataclass(frozen=True, eq=False)
+class TorqueColumns:
+    """What may explain one joint's torque at M instants.
+
+    Attributes:
+        masses: (M, 3) torque of gravity, of motion and of the payload [Nm].
+        a: (M,) acceleration of its motor [rad/s²].
+        speeds: (M, k) of the motors that act on it [rad/s].
+        tau: (M,) its torque [Nm].
+        drift: (M, d) of either sign, besides an offset; d is 0 but for a torque whose zero drifts.
+    """
+
+    masses: Array
+    a: Array
+    speeds: Array
+    tau: Array
+    drift: Array
+
+    @cached_property
+    def key(self) -> int:
+        """What distinguishes them from others."""
+        return hash(tuple(getattr(self, one.name).tobytes() for one in fields(self)))
+
+    @cached_property
+    def matrix(self) -> Array:
+        """(M, P + 1) all of them, τ last, without offsets."""
+        fastest = np.maximum(np.max(np.abs(self.speeds), axis=0), 1e-12)
+        friction = [np.tanh(sharpness * self.speeds / fastest) for sharpness in REVERSALS]
+        drift = self.drift, -self.drift
+        matrix = np.column_stack([self.masses, self.a, self.speeds, *friction, *drift, self.tau])
+        return matrix - np.mean(matrix, axis=0)
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing moves or acts."""
+        return not np.ptp(self.tau) or not (np.ptp(self.masses, axis=0).any() or np.any(self.speeds))
+
+
+def reduced(columns: TorqueColumns, slow: Array) -> list[Band]:
     """The joint's columns at low and at high frequencies; nothing of a joint at rest.
 
-    The columns are those of `masses` (M, 3), acceleration `a` (M,), and friction of `speeds` (M, k), the k
-    motors that act on the joint; the offset is subtracted. `slow` (M, k): basis of the low frequencies.
+    `slow` (M, k): basis of the low frequencies.
     """
-    if not np.ptp(tau) or not (np.ptp(masses, axis=0).any() or np.any(speeds)):
+    if columns.rests:
         return []
-    fastest = np.maximum(np.max(np.abs(speeds), axis=0), 1e-12)
-    friction = [np.tanh(sharpness * speeds / fastest) for sharpness in REVERSALS]
-    matrix = np.column_stack([masses, a, speeds, *friction, tau])
-    matrix -= np.mean(matrix, axis=0)
+    matrix = columns.matrix
     low = slow.T @ matrix
     least = 1e-12 * float(np.sum(np.square(matrix[:, -1])))
     bands = []

@@ -16,10 +16,12 @@ class Reading:
     """θ = (θ_read[order]) · factor + zero; τ = τ_read[order] · sign · size, `late` seconds later.
 
     Attributes:
-        factor: (n,) of θ.
+        factor: (groups, n) of θ.
         zero: (groups, n) [rad], [m].
-        sign, size: (n,) of τ.
+        sign: (n,) of τ.
+        size: (groups, n) of τ.
         late: (n,) [s] by which τ is stamped late.
+        drifts: (n,) whether the zero of τ drifts.
         free: (n,) whether the size of τ is unknown.
         theta_order, tau_order: joint -> column.
         down: [m/s²] gravity in the base's frame.
@@ -37,6 +39,7 @@ class Reading:
     sign: Array
     size: Array
     late: Array
+    drifts: Bools
     free: Bools
     theta_order: tuple[int, ...]
     tau_order: tuple[int, ...]
@@ -55,7 +58,10 @@ class Reading:
     def stated(robot: Robot, bodies: Sequence[Sequence[PayloadBody]]) -> Reading:
         """The columns, the mounting and the groups' payloads as the mapping states them."""
         n, order, ones = robot.n, tuple(range(robot.n)), np.ones(robot.n)
-        zero, late, free = np.zeros((len(bodies), n)), np.zeros(n), np.zeros(n, bool)
+        zero, same = np.zeros((len(bodies), n)), np.ones((len(bodies), n))
+        late, never = np.zeros(n), np.zeros(n, bool)
         carried = tuple(map(tuple, bodies))
         added = np.zeros(len(bodies))
-        return Reading(ones, zero, ones, ones, late, free, order, order, robot.gravity, carried, added)
+        return Reading(
+            same, zero, ones, same, late, never, never, order, order, robot.gravity, carried, added
+        )

@@ -22,20 +22,22 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.base.arrays import Array
+from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.checks.joint_fit import (
     UNKNOWN_SIZE,
     Band,
     JointFit,
+    TorqueColumns,
     fit_joint,
     reduced,
     swings_of,
 )
+from flexviz.checks.limits import likely_limits
 from flexviz.checks.reading import Reading
-from flexviz.checks.thresholds import LIMITS
+from flexviz.checks.thresholds import LIMITS, SURE
 from flexviz.data.logs import followed, joint_parts
-from flexviz.data.measurements import GroupTable, likely_limits, sample_motion
+from flexviz.data.measurements import GroupTable, sample_motion
 from flexviz.robot._pinocchio import pin
 from flexviz.robot.robot import PayloadBody, Robot
 
@@ -56,6 +58,8 @@ class Comparison:
     ) -> None:
         self.robot, n = robot, robot.n
         self._watch = watch
+        self.groups = groups
+        self._alone: dict[int, Comparison] = {}
         self.bodies = tuple(tuple(bodies) for bodies, _ in groups)
         self.stated = Reading.stated(robot, self.bodies)
         self.names = [table.name for _, table in groups]
@@ -64,8 +68,9 @@ class Comparison:
         self.q, self.v, self.a, self.torque, self.rate = (
             [getattr(m, name)[::every] for m in motions] for name in ("q", "v", "a", "torque", "rate")
         )
-        self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)  # (n,) of θ as read
-        self.speed = np.max([np.max(np.abs(m.v), axis=0) for m in motions], axis=0)
+        # (groups, n) of θ as read
+        self.span = np.array([np.ptp(table.theta, axis=0) for _, table in groups])
+        self.speed = np.array([np.max(np.abs(m.v), axis=0) for m in motions])
         every_torque = np.concatenate([table.tau for _, table in groups])
         # (n,) whether τ as read, up to a common sign of the column, is never on the other side of zero
         self.one_sided = np.any(every_torque != 0.0, axis=0) & (
@@ -142,6 +147,14 @@ class Comparison:
     def _reduced(self, reading: Reading) -> list[list[Band]]:
         """Of each joint: what its torque is explained by, in two bands; nothing where it rests."""
         self._watch()
+        every = self.columns(reading)
+        for columns in every:
+            if columns.key not in self._r:
+                self._r[columns.key] = reduced(columns, self.slow)
+        return [self._r[columns.key] for columns in every]
+
+    def columns(self, reading: Reading) -> list[TorqueColumns]:
+        """Of each joint: what may explain its torque."""
         parts, (_, v, a) = self._parts(reading), self._motion(reading)
         tau = self._tau(reading)
         acting = np.eye(self.robot.n)  # of motors (rows) on joints
@@ -155,14 +168,20 @@ class Comparison:
         v, a = v * reading.motion, a * reading.motion
         if reading.magnitude:
             tau = np.abs(tau) * np.where(np.sum(parts, axis=0) < 0.0, -1.0, 1.0)
-        result = []
+        result, none = [], np.zeros((len(tau), 0))
         for j, motors in enumerate(acting.T):
-            columns = parts[:, :, j].T, a[:, j], v[:, motors != 0.0] * motors[motors != 0.0], tau[:, j]
-            key = hash(tuple(x.tobytes() for x in columns))
-            if key not in self._r:
-                self._r[key] = reduced(*columns, self.slow)
-            result.append(self._r[key])
+            speeds = v[:, motors != 0.0] * motors[motors != 0.0]
+            drift = self.ramps if reading.drifts[j] else none
+            result.append(TorqueColumns(parts[:, :, j].T, a[:, j], speeds, tau[:, j], drift))
         return result
+
+    @cached_property
+    def ramps(self) -> Array:
+        """(M, groups) a torque that drifts over each group [1]."""
+        lengths = [len(q) for q in self.q]
+        group = np.repeat(np.eye(len(lengths)), lengths, axis=0)
+        time = np.concatenate([np.linspace(-0.5, 0.5, length) for length in lengths])
+        return np.real(group * time[:, None])
 
     def bound(self, reading: Reading, few: bool = True, quick: bool = False) -> float:
         """What a score cannot exceed; from a few of the instants up to a common constant, and hardly.
@@ -171,7 +190,7 @@ class Comparison:
         """
         total = np.sum(reading.free) * UNKNOWN_SIZE + self.penalty(reading)
         for bands, column in zip(
-            (self._few if few else self)._reduced(reading), reading.tau_order, strict=True
+            (self.few if few else self)._reduced(reading), reading.tau_order, strict=True
         ):
             for band, swings in zip(bands, self.swings[column], strict=False):
                 left = band.least_left_of_any if quick else band.least_left
@@ -179,10 +198,28 @@ class Comparison:
         return float(total)
 
     @cached_property
-    def _few(self) -> Comparison:
+    def doubts_size(self) -> bool:
+        """Whether any torque is surely more probable with another size, whatever its sign."""
+        stated, needed = self.stated, SURE - np.log(LIMITS.fault)
+        before = np.array([fit.score for fit in self.fits(stated)])
+        free = replace(stated, free=np.ones(self.robot.n, bool))
+        signs = (stated.sign, -stated.sign)
+        after = [[fit.score for fit in self.fits(replace(free, sign=sign))] for sign in signs]
+        return bool(np.any(np.array(after) - before > needed))
+
+    def alone(self, group: int) -> Comparison:
+        """One of the groups, made once."""
+        if group not in self._alone:
+            self._alone[group] = Comparison(self.robot, self.groups[group : group + 1], self._watch)
+        return self._alone[group]
+
+    @cached_property
+    def few(self) -> Comparison:
+        """The same at a few of the instants."""
         few = copy(self)
         few._rigid, few._r, few._fits = {}, {}, {}
-        few.__dict__.pop("slow", None)
+        for made in ("slow", "ramps", "doubts_size"):
+            few.__dict__.pop(made, None)
         for name in ("q", "v", "a", "torque", "rate"):
             setattr(few, name, [x[::FEWER] for x in getattr(self, name)])
         return few
@@ -190,12 +227,11 @@ class Comparison:
     def beyond(self, reading: Reading) -> Array:
         """(n,) whether θ leaves what the joint can do, or is not as far as q."""
         order, factor = list(reading.theta_order), np.abs(reading.factor)
-        span, speed = self.span[order] * factor, self.speed[order] * factor
+        span, speed = self.span[:, order] * factor, self.speed[:, order] * factor
         impossible = (span > LIMITS.beyond * self.width) | (speed > LIMITS.beyond * self.fastest)
         ratio = np.abs(self.by_q[order]) * factor
-        return impossible | (
-            (ratio > 0.0) & (np.abs(np.log(np.maximum(ratio, 1e-12))) > np.log(LIMITS.agrees))
-        )
+        other = (ratio > 0.0) & (np.abs(np.log(np.maximum(ratio, 1e-12))) > np.log(LIMITS.agrees))
+        return np.any(impossible | other, axis=0)
 
     def score(self, reading: Reading) -> float:
         """The sum of the joints' scores; less where θ leaves their range."""
@@ -236,15 +272,27 @@ class Comparison:
         """τ (M, n) as it is read."""
         order = list(reading.tau_order)
         torque, rate = (np.concatenate(x)[:, order] for x in (self.torque, self.rate))
-        return (torque + reading.late * rate) * reading.sign * reading.size
+        return (torque + reading.late * rate) * reading.sign * self._rows(reading.size)
+
+    def angles(self, reading: Reading) -> Array:
+        """(M, n) θ as it is read, before its zero."""
+        return self._motion(reading)[0] - self._rows(reading.zero)
+
+    def rows_of(self, group: int) -> Bools:
+        """(M,) which instants are of a group."""
+        return np.repeat(np.arange(len(self.q)) == group, [len(x) for x in self.q])
+
+    def _rows(self, of_groups: Array) -> Array:
+        """(M, n) what every instant has of its group, (groups, n)."""
+        return np.repeat(of_groups, [len(x) for x in self.q], axis=0)
 
     def _motion(self, reading: Reading) -> tuple[Array, Array, Array]:
         """q, q̇, q̈ (M, n) as they are read."""
-        turn = np.eye(self.robot.n)[:, list(reading.theta_order)] * reading.factor
+        order, factor = list(reading.theta_order), self._rows(reading.factor)
+        q, v, a = (np.concatenate(x)[:, order] * factor for x in (self.q, self.v, self.a))
         if reading.drive is not None and reading.theta_too:
-            turn = turn @ reading.drive.T
-        q, v, a = (np.concatenate(x) @ turn for x in (self.q, self.v, self.a))
-        return q + np.repeat(reading.zero, [len(x) for x in self.q], axis=0), v, a
+            q, v, a = (x @ reading.drive.T for x in (q, v, a))
+        return q + self._rows(reading.zero), v, a
 
     def _parts(self, reading: Reading) -> Array:
         """(3, M, n) torque of the CAD model's gravity, of its motion, and of the payload."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class CheckThresholds:
@@ -48,3 +50,4 @@ class CheckThresholds:
 
 
 LIMITS = CheckThresholds()
+SURE = float(np.log(LIMITS.sure / (1 - LIMITS.sure)))  # [nats]

@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.signal_checks import FILTERS, Low, butterworth, exponential, low_passed, main
 from flexviz.base.resources import sessions_dir
+from flexviz.checks import filtered_before_writing
 from flexviz.data.measurements import MeasurementSet, Segment, read_set
-from flexviz.data.noise import filtered_before_writing
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 SIMULATED = [*(SHARED / "practice" / "cases").glob("*"), *(SHARED / "robotlike" / "cases").glob("*")]

@@ -50,6 +50,14 @@ def test_an_angle_in_per_cent_of_the_range() -> None:
     assert [(fix.key, fix.value) for fix in issue.fixes] == [("unit", 0.031)] * 2
 
 
+def test_torques_in_per_cent_of_the_rated_ones() -> None:
+    """The drives' rated torques are 120 and 60 Nm; payloads are known to 15 %, masses to 25 %."""
+    (issue,) = import_logs(place("18-torque-in-percent-of-rated") / "map.toml", None).issues
+    assert (issue.kind, issue.severity, issue.values["share"]) == ("rated", "odd", "per cent")
+    assert issue.values["rated"] == pytest.approx({"joint1": 120.0, "joint2": 60.0}, rel=0.25)
+    assert "per cent of the drives' rated torques" in issue.message and "/ 100" in issue.message
+
+
 def test_a_reference_is_no_measured_angle() -> None:
     (issue,) = import_logs(place("20-reference-logged-as-position") / "map.toml", None).issues
     assert (issue.kind, issue.joints) == ("reference", ("joint1", "joint2"))

@@ -15,17 +15,11 @@ from flexviz.analysis.identification import identify
 from flexviz.analysis.identification.pipeline import _with_noise_share
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
+from flexviz.checks import check_signals, noise_notes, spoilt_group
 from flexviz.content.results import assessment
 from flexviz.content.wording import verdict_text
 from flexviz.data.measurements import MeasurementSet, Segment
-from flexviz.data.noise import (
-    check_signals,
-    column_findings,
-    noise_notes,
-    resolution,
-    segments_noise,
-    white_noise,
-)
+from flexviz.data.noise import resolution, segments_noise, white_noise
 
 STEP = 1e-3  # [s]
 SIGMA = np.array([2e-5, 3e-3])  # of the noise in `signal`
@@ -236,7 +230,7 @@ def fast(theta: Array, tau: Array, rng: np.random.Generator) -> None:
 )
 def test_odd_but_possible_signals_are_no_faults(demo: MeasurementSet, spoil: Spoil) -> None:
     measurements = spoilt(demo, spoil)
-    assert not any(column_findings(group.segments, demo.robot) for group in measurements.groups)
+    assert not any(spoilt_group(group, demo.robot) for group in measurements.groups)
     assert max(check_signals(measurements)) < 0.05 and not noise_notes(measurements)
 
 

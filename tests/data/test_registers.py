@@ -10,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.base.errors import InputError
+from flexviz.checks import check_jumps
 from flexviz.data.logs.assembling import decoded
-from flexviz.data.noise import Channel, check_jumps, sign_magnitude
+from flexviz.data.noise import Channel, sign_magnitude
 
 Array = NDArray[np.float64]
 RATE = 250.0  # [Hz]

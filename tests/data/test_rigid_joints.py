@@ -13,10 +13,11 @@ from benchmarks.rigid_joints import make_case, rigid_outcome, spoilt, torque_out
 from flexviz import identify, read_set
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Remedy
-from flexviz.checks import Issue
+from flexviz.checks import AllSamples, GroupSamples, Issue, silent_joints
+from flexviz.checks.masks.silent import silent_torques
 from flexviz.content.results import hints
 from flexviz.data.logs.proposals import Proposal, proposed
-from flexviz.data.measurements import MeasurementSet, TorqueRun, silent_joints, silent_torques
+from flexviz.data.measurements import MeasurementSet
 from flexviz.model.equation import Equation, build_signals, layout_of
 from flexviz.model.observers import make_observer
 
@@ -109,7 +110,8 @@ def test_a_joint_at_rest_needs_no_torque(arm: MeasurementSet) -> None:
     theta[:, 1] = theta[0, 1]
     tau = group.joined("tau").copy()
     tau[:, 1] = 0.0
-    assert silent_torques(arm.robot, [TorqueRun((), group.joined("time"), theta, tau)]) == {}
+    still = GroupSamples("a", (), group.joined("time"), theta, tau)
+    assert silent_torques(AllSamples(arm.robot, (still,))) == {}
 
 
 @pytest.mark.slow

@@ -11,9 +11,10 @@ import pytest
 from benchmarks.torque_sensors import sensed
 from flexviz import identify, read_set
 from flexviz.base.errors import InputError
+from flexviz.checks import behind_gear
 from flexviz.content.results import ResultDocument
 from flexviz.data.measurements import MeasurementSet
-from flexviz.model.equation import Layout, behind_gear, layout_of
+from flexviz.model.equation import Layout, layout_of
 from flexviz.model.simulation.presets import PRESETS
 from flexviz.model.simulation.sets import move, record, write_plan
 from flexviz.outlets.exporting import export

@@ -15,11 +15,13 @@ import flexviz
 from flexviz.analysis.diagnosis.seen_limits import limit_findings
 from flexviz.analysis.estimation.whitening import whitener
 from flexviz.base.facts import Fact
-from flexviz.data.importing.checking import check_saturated
-from flexviz.data.measurements import MeasurementSet, Segment, bridged_torque, seen_limits
+from flexviz.checks import AllSamples, GroupSamples, saturated_joints, seen_limits
+from flexviz.checks.masks.saturation import saturated as saturated_torques
+from flexviz.data.measurements import MeasurementSet, Segment
 from flexviz.model.effects import EFFECTS, EffectTarget
 from flexviz.model.effects.torque_limit import SHARES, beyond
 from flexviz.model.equation import build_signals
+from flexviz.model.equation.saturated import bridged_torque
 from flexviz.model.observers import ButterworthZeroPhase
 from tests.model.test_effects import MOTION
 from tests.planar_arm import planar_set
@@ -64,7 +66,7 @@ def test_a_command_beyond_the_drives_limit_is_found_as_a_parameter(
     commanded: tuple[MeasurementSet, float],
 ) -> None:
     arm, limit = commanded
-    assert arm.seen_limits == ()  # the record shows the command
+    assert seen_limits(arm) == ()  # the record shows the command
     name = arm.joints[1]
     found = flexviz.identify(arm, effects=[f"torque_limit:{name}"], refine=True)["torque_limit.limit", name]
     assert found.value == pytest.approx(limit, rel=2e-3) and found.identifiable == "yes"
@@ -102,16 +104,16 @@ def clipped(segment: Segment, joint: int, lower: float, upper: float, quantum: f
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("share", [0.6, 0.9])
 def test_plateaus_are_seen(share: float, noise: float) -> None:
-    (one,) = seen_limits([clipped(swing(noise=noise), 0, -10 * share, 10 * share)])
+    (one,) = saturated_joints([clipped(swing(noise=noise), 0, -10 * share, 10 * share)])
     assert one.joint == 0 and one.limit == pytest.approx(10 * share)
     assert (one.lower, one.upper) == pytest.approx((-10 * share, 10 * share))
     assert one.rows > 500
 
 
 def test_a_limit_on_one_side_and_two_that_differ() -> None:
-    (high,) = seen_limits([clipped(swing(), 1, -9.0, 3.0)])
+    (high,) = saturated_joints([clipped(swing(), 1, -9.0, 3.0)])
     assert high.joint == 1 and high.upper == pytest.approx(3.0) and high.lower == -np.inf
-    (both,) = seen_limits([clipped(swing(), 0, -7.0, 8.0)])
+    (both,) = saturated_joints([clipped(swing(), 0, -7.0, 8.0)])
     assert (both.lower, both.upper) == pytest.approx((-7.0, 8.0)) and 1900 <= both.rows < 2000
     values = {"lower": (None, -7.0), "upper": (3.0, 8.0), "tolerance": (0.0, 0.0), "rows": (80, 195)}
     assert Fact("torque-saturated", joints=("b", "a"), values=values).text == (
@@ -122,8 +124,8 @@ def test_a_limit_on_one_side_and_two_that_differ() -> None:
 
 @pytest.mark.parametrize("quantum", [0.01, 0.1])
 def test_a_coarse_record_has_plateaus_only_where_it_is_clipped(quantum: float) -> None:
-    assert seen_limits([clipped(swing(), 0, -99.0, 99.0, quantum)]) == ()
-    (one,) = seen_limits([clipped(swing(), 0, -8.0, 8.0, quantum)])
+    assert saturated_joints([clipped(swing(), 0, -99.0, 99.0, quantum)]) == ()
+    (one,) = saturated_joints([clipped(swing(), 0, -8.0, 8.0, quantum)])
     assert one.limit == pytest.approx(8.0, abs=quantum)
 
 
@@ -131,13 +133,13 @@ def test_rest_and_held_values_are_no_limits() -> None:
     still, held = swing(), swing()
     still.tau[:1500], still.theta[:1500] = (10.5, 4.5), still.theta[1500]  # at rest under its largest torque
     held.tau[:] = held.tau[np.arange(len(held)) // 20 * 20]  # a drive twenty times slower than the log
-    assert seen_limits([still]) == () and seen_limits([held]) == () and seen_limits([]) == ()
+    assert saturated_joints([still]) == () and saturated_joints([held]) == () and saturated_joints([]) == ()
 
 
 def test_torque_beyond_a_limit_is_bridged() -> None:
     whole = swing()
     part = clipped(whole, 0, -8.0, 8.0)
-    torque, unknown = bridged_torque(part.tau, seen_limits([part]))
+    torque, unknown = bridged_torque(part.tau, saturated_joints([part]))
     assert unknown is not None and not unknown[:, 1].any()
     np.testing.assert_array_equal(unknown[:, 0], np.abs(whole.tau[:, 0]) >= 8.0)
     inside = slice(700, 3300)  # a plateau at an end of the record has one side only
@@ -146,11 +148,9 @@ def test_torque_beyond_a_limit_is_bridged() -> None:
 
 
 def test_an_import_names_it() -> None:
-    group, mapping = (
-        SimpleNamespace(table=clipped(swing(noise=0.01), 0, -7.0, 7.0)),
-        SimpleNamespace(names="ab"),
-    )
-    (issue,) = check_saturated(mapping, [group])  # type: ignore[arg-type, list-item]
+    one = clipped(swing(noise=0.01), 0, -7.0, 7.0)
+    group = GroupSamples("g", (), one.time, one.theta, one.tau)
+    (issue,) = saturated_torques(AllSamples(SimpleNamespace(joints="ab"), (group,)))  # type: ignore[arg-type]
     assert issue.kind == "saturated" and issue.severity == "odd" and issue.joints == ("a",)
     assert str(issue).startswith("tau of a: it stands at its largest / smallest value (±7.000 Nm) in ")
 
@@ -165,7 +165,7 @@ def saturated(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
 
 
 def test_the_simulated_record_is_seen_and_named(saturated: MeasurementSet) -> None:
-    (one,) = saturated.seen_limits
+    (one,) = seen_limits(saturated)
     assert one.joint == 0 and one.limit == pytest.approx(45.0, rel=1e-4)
     (found,) = limit_findings(saturated)
     assert found.text == "torque_limit:joint1" and found.confidence == 1.0

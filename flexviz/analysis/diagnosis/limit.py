@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.analysis.motion import MOTION, MotionContext
+from flexviz.checks import filtered_before_writing
 from flexviz.content.records import DetectionLimit, LimitReason
 from flexviz.data.measurements import Segment
-from flexviz.data.noise import filtered_before_writing, segments_noise
+from flexviz.data.noise import segments_noise
 
 Array = NDArray[np.float64]
 

@@ -43,15 +43,15 @@ from flexviz.analysis.identification import (
     parameter_estimates,
     saturated_torques,
     torques_without_signal,
+    unmeasured_angles,
 )
 from flexviz.base.facts import Fact
 from flexviz.base.parallel import existing_objects_kept, stopped_by
 from flexviz.base.progress import ProgressCallback, StopCallback, never
 from flexviz.base.search import Tried
-from flexviz.checks import recording_entries
+from flexviz.checks import filtered_before_writing, noise_notes, recording_entries
 from flexviz.content.records import CriterionNumbers, Decoys, DetectionLimit, Move, Resolution, Verdict
 from flexviz.data.measurements import MeasurementSet, set_of
-from flexviz.data.noise import filtered_before_writing, noise_notes
 from flexviz.model.effects import DECOYS
 
 Array = NDArray[np.float64]
@@ -248,6 +248,7 @@ class _Description:
         if (hertz := filtered_before_writing(segments).hertz) is not None:
             yield Fact("filtered", "odd", values={"hertz": hertz})
         yield from saturated_torques(self.course.measurements)
+        yield from unmeasured_angles(self.course.measurements)
         if (phase := self.course.view.context.first_phase).any():
             yield standstill(self.course.own.joints, phase)
 

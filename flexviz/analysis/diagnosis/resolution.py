@@ -26,6 +26,7 @@ from flexviz.analysis.estimation import Projection, ScoredCandidate, Weigh, best
 from flexviz.base.facts import Fact
 from flexviz.base.parallel import shared
 from flexviz.base.search import Gain, gain
+from flexviz.checks import seen_limits
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import DECOYS, EFFECTS, ChosenEffect, kin
 from flexviz.model.equation import Chain, Layout, OperatingPoint
@@ -97,7 +98,7 @@ class Resolution(ABC, Generic[AnyFit]):
             if self.decoys and self.own.n >= law.fewest_joints
             for joint in range(self.own.n)
         ]
-        have, seen = set(layout.effects), {limit.joint for limit in self.measurements.seen_limits}
+        have, seen = set(layout.effects), {limit.joint for limit in seen_limits(self.measurements)}
         real = [
             e
             for e in candidates(layout, self.measurements.groups, self.many)

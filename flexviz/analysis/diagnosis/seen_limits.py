@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from flexviz.analysis.diagnosis.result import Finding
+from flexviz.checks import SeenLimit, seen_limits
 from flexviz.content.records import EffectParameter
-from flexviz.data.measurements import MeasurementSet, SeenLimit
+from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS
 
 
@@ -14,7 +15,7 @@ def limit_findings(measurements: MeasurementSet) -> list[Finding]:
     Its samples at the limit are left out of all fits, so that it removes no error (`score` 0).
     """
     slides = measurements.robot.prismatic
-    return [_finding(one, measurements.joints, bool(slides[one.joint])) for one in measurements.seen_limits]
+    return [_finding(one, measurements.joints, bool(slides[one.joint])) for one in seen_limits(measurements)]
 
 
 def _finding(one: SeenLimit, joints: tuple[str, ...], slides: bool) -> Finding:

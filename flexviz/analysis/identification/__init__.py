@@ -4,7 +4,11 @@ from flexviz.analysis.identification.bandwidth_sweep import SweepResult, sweep
 from flexviz.analysis.identification.by_free_motion import by_free_motion
 from flexviz.analysis.identification.estimator import Estimate, Estimator
 from flexviz.analysis.identification.link_side_check import link_side_checks
-from flexviz.analysis.identification.messages import saturated_torques, torques_without_signal
+from flexviz.analysis.identification.messages import (
+    saturated_torques,
+    torques_without_signal,
+    unmeasured_angles,
+)
 from flexviz.analysis.identification.pipeline import identify
 from flexviz.analysis.identification.plots import IdentificationPlots, laws_figure
 from flexviz.analysis.identification.preview import ObservedResidual, ResidualPreview
@@ -36,4 +40,5 @@ __all__ = [
     "saturated_torques",
     "sweep",
     "torques_without_signal",
+    "unmeasured_angles",
 ]

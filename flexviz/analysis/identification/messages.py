@@ -10,7 +10,8 @@ from flexviz.analysis.identification.plain_fit import PlainFit
 from flexviz.analysis.identification.result import Identification
 from flexviz.base.facts import Fact, Remedy
 from flexviz.base.units import joint_units
-from flexviz.data.measurements import Group, MeasurementSet, silent_joints
+from flexviz.checks import seen_limits, silent_joints, unmeasured
+from flexviz.data.measurements import Group, MeasurementSet
 from flexviz.robot.model import FlexibleModel
 
 APART = 3.0  # standard errors of a static test, from which the motion contradicts it
@@ -44,9 +45,18 @@ def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
         yield Fact("no-torque", "wrong", names, values=instead, remedy=remedy)
 
 
+def unmeasured_angles(measurements: MeasurementSet) -> Iterator[Fact]:
+    """Joints whose angle has less noise [rad] than any encoder, beside a measured torque."""
+    segments = [segment for group in measurements.groups for segment in group.segments]
+    if found := unmeasured(segments):
+        joints = tuple(measurements.joints[j] for j in found)
+        units = joint_units("rad", (measurements.robot.prismatic[j] for j in found))
+        yield Fact("reference", "odd", joints, values={"noise": tuple(found.values()), "units": units})
+
+
 def saturated_torques(measurements: MeasurementSet) -> Iterator[Fact]:
     """Joints whose torque stands at a limit, with these limits [Nm]; a side without one is missing."""
-    if found := measurements.seen_limits:
+    if found := seen_limits(measurements):
         limits = {
             "lower": tuple(one.lower if np.isfinite(one.lower) else None for one in found),
             "upper": tuple(one.upper if np.isfinite(one.upper) else None for one in found),

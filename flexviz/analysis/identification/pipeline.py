@@ -29,6 +29,7 @@ from flexviz.analysis.identification.messages import (
     holds_used,
     saturated_torques,
     torques_without_signal,
+    unmeasured_angles,
 )
 from flexviz.analysis.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.analysis.identification.plots import remember
@@ -42,10 +43,10 @@ from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback
-from flexviz.checks import recording_entries
+from flexviz.checks import check_signals, recording_entries
 from flexviz.content.records import ResidualSummary, normalised
 from flexviz.data.measurements import Group, MeasurementSet, set_of
-from flexviz.data.noise import check_signals, segments_noise
+from flexviz.data.noise import segments_noise
 from flexviz.model.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.robot.model import FlexibleModel
 
@@ -106,7 +107,10 @@ def identify(
         result = _result(measurements, fitted, plain, outcome, known, report)
     result = replace(result, residual=_with_noise_share(result.residual, noise))
     more = *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model)
-    facts = (*result.facts, *more, *torques_without_signal(measurements), *saturated_torques(measurements))
+    facts = (
+        *result.facts, *more, *torques_without_signal(measurements), *saturated_torques(measurements),
+        *unmeasured_angles(measurements),
+    )  # fmt: skip
     result = replace(result, facts=facts, recording=recording_entries(measurements))
     return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 

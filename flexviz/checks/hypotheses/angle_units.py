@@ -19,7 +19,7 @@ HALVINGS = 6  # of the ratio of two of them, to 1 % of the scale
 
 
 def scaled(by: Array) -> Callable[[Reading], Reading]:
-    """θ times (n,)."""
+    """θ times (n,) or (groups, n)."""
     return lambda now: replace(now, factor=now.factor * by)
 
 
@@ -34,7 +34,7 @@ def angle_units(case: Case) -> Iterator[Fault]:
     by_q = _unknown_ratios(comparison.by_q * beyond, by_label)
     if joints := tuple(int(j) for j in np.flatnonzero(by_q)):
         ratios = {j: float(abs(comparison.by_q[j])) for j in joints}
-        factor = case.at(joints, 1.0 / np.maximum(np.abs(comparison.by_q * now.factor), 1e-300))
+        factor = case.at(joints, 1.0 / np.maximum(np.abs(comparison.by_q * now.factor[0]), 1e-300))
         yield Fault("unit", joints, "theta", scaled(factor), "q", values={"times_q": ratios})
     if far := tuple(int(j) for j in np.flatnonzero(beyond & (comparison.by_q == 0.0))):
         yield _unknown_scale(case, far)
@@ -45,13 +45,27 @@ def angle_units(case: Case) -> Iterator[Fault]:
                 factor[j] = change.factor
             reading = scaled(factor)(now)
             # a joint that moved so little that nobody would have recorded it is no better explanation
-            span = comparison.span[list(now.theta_order)] * np.abs(reading.factor)
+            span = np.max(comparison.span[:, list(now.theta_order)] * np.abs(reading.factor), axis=0)
             if any(c.factor > 1.0 and comparison.beyond(reading)[j] for j, c in group.items()) or all(
                 span[j] < LIMITS.smallest_motion for j in group
             ):
                 continue
             fixes = tuple(fix for change in group.values() for fix in change.fixes)
             yield Fault("unit", tuple(group), "theta", scaled(factor), label, fixes)
+
+
+@hypothesis
+def of_one_log(case: Case) -> Iterator[Fault]:
+    """All angles of one group in another unit, as where another program has logged them."""
+    names = case.mapping.names
+    if len(case.comparison.names) < 2:
+        return
+    changes = [{str(one): one.factor for one in theta_changes(case.mapping, joint)} for joint in names]
+    for label in (label for label in changes[0] if all(label in own for own in changes)):
+        for g, group in enumerate(case.comparison.names):
+            by = case.of_group(g, np.array([own[label] for own in changes]))
+            values = {"groups": (group,), "read_as": label}
+            yield Fault("unit", case.every, "theta", scaled(by), label, values=values, groups=(g,))
 
 
 def _unknown_ratios(by_q: Array, by_label: Mapping[str, Mapping[int, ColumnChange]]) -> Array:

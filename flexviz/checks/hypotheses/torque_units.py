@@ -16,7 +16,7 @@ from flexviz.data.logs import CURRENT, ColumnChange, Mapping, change_of, convers
 
 
 def resized(by: Array) -> Callable[[Reading], Reading]:
-    """τ times (n,)."""
+    """τ times (n,) or (groups, n)."""
     return lambda now: replace(now, size=now.size * by)
 
 
@@ -46,6 +46,22 @@ def torque_units(case: Case) -> Iterator[Fault]:
         values = {"slopes": own, "stated_gears": gears}
         by = case.at(joints, 1.0 / factor)
         yield Fault("size", joints, "tau", resized(by), "any", prior=unknown, values=values)
+
+
+@hypothesis
+def of_one_log(case: Case) -> Iterator[Fault]:
+    """All torques of one group in another unit, as where another program has logged them."""
+    names = case.mapping.names
+    if len(case.comparison.names) < 2 or case.now.free.all():
+        return
+    changes = [torque_changes(case.mapping, joint) for joint in names]
+    for label in (label for label in changes[0] if all(label in own for own in changes)):
+        for g, group in enumerate(case.comparison.names):
+            if not case.comparison.alone(g).doubts_size:
+                continue  # made small, what is hard to explain would count less
+            by = case.of_group(g, np.array([own[label].factor for own in changes]))
+            values = {"groups": (group,), "read_as": label}
+            yield Fault("size", case.every, "tau", resized(by), label, values=values, groups=(g,))
 
 
 def torque_changes(mapping: Mapping, joint: str) -> dict[str, ColumnChange]:

@@ -1,6 +1,7 @@
 """Text for numbers, effects and findings, shared by app, report, recording and command line."""
 
-import flexviz.content.wording.issue_kinds  # registers what is said of issues
+import flexviz.content.wording.issue_kinds
+import flexviz.content.wording.sample_kinds  # register what is said of issues
 from flexviz.base.spelling import listed, number, plural
 from flexviz.content.wording.effects import (
     SCOPES,

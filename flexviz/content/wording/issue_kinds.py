@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flexviz.base.spelling import listed, number, plural
+from flexviz.base.spelling import listed, number
 from flexviz.base.units import joint_unit
 from flexviz.content.wording.issues import IssueLike, gained, general, keys_text, percent, says
 
@@ -38,6 +38,16 @@ def _payload(issue: IssueLike) -> str:
 def _magnitude(issue: IssueLike) -> str:
     lost = "it is never negative, as if it had lost its sign: "
     return f"{lost}{general(issue)}. Log the torque or current with its sign"
+
+
+@says("rated")
+def _rated(issue: IssueLike) -> str:
+    values, unit = issue.values, unit_in(issue, "Nm")
+    rated = listed([f"{number(torque, 2)} {unit}" for torque in values["rated"].values()])
+    return (
+        f"masses and payloads ask for another size on each joint: is it in {values['share']} of the drives' "
+        f"rated torques (about {rated})? Then unit = rated torque / {values['parts']:g}, of the data sheets"
+    )
 
 
 @says("gravity")
@@ -113,7 +123,7 @@ def _scale_hint(issue: IssueLike) -> str:
     """Possible reasons for τ of another size, where no unit or gear of the mapping explains it."""
     slopes, gears = issue.values["slopes"], issue.values["stated_gears"]
     if min(slopes.values()) > 1:
-        return "a smaller unit, or a gear counted twice"
+        return "a smaller unit, a gear counted twice, or per cent or per mille of the rated torque (unit)"
     if 1.0 not in gears.values():
         about = ", ".join(f"{1 / slope / gears[joint]:.2g}" for joint, slope in slopes.items())
         return (
@@ -140,7 +150,7 @@ def _sign(issue: IssueLike) -> str:
 
 def _against_theta(issue: IssueLike) -> str:
     slope = issue.values["times_theta"]
-    message = f"it is {slope:.4g} times theta"
+    message = f"it is {slope:.4g} times {issue.values['measured']}"
     if issue.fixes:
         return f"{message}: with {keys_text(issue.fixes)} they agree"
     gear = max(abs(slope), 1 / abs(slope))
@@ -158,10 +168,14 @@ def _zero(issue: IssueLike) -> str:
 
 @says("reference")
 def _reference(issue: IssueLike) -> str:
-    noise = f"{number(max(issue.values['noise'].values()), 2)} {unit_in(issue, 'rad')}"
+    return f"it {no_noise_text(max(issue.values['noise'].values()), unit_in(issue, 'rad'))}"
+
+
+def no_noise_text(largest: float, unit: str) -> str:
+    """What is said of an angle without noise, without its name."""
     return (
-        f"it has next to no noise ({noise}, less than any encoder's counts leave), but the torque has: is it "
-        "the commanded angle, or a computed one? Log the measured angle of the motor"
+        f"has next to no noise ({number(largest, 2)} {unit}, less than any encoder's counts leave), but the "
+        "torque has: is it the commanded angle, or a computed one? Log the measured angle of the motor"
     )
 
 
@@ -247,34 +261,6 @@ def _what_instead(what: Mapping[str, Any]) -> str:
     if values:
         return f"it has {len(values)} values only, {', '.join(f'{v:g}' for v in values)}"
     return f"masses and friction explain {100 * what['share']:.0f} % of it, no more than chance"
-
-
-@says(
-    "messages", "wrapped", "dropped", "outliers", "jumps", "repeated", "stale", "constant", "held", "contact"
-)
-def _samples(issue: IssueLike) -> str:
-    values = issue.values
-    also = f"; also in {listed(list(values['also_in']))}" if values["also_in"] else ""
-    who = f"{values['joint']}, " if len(issue.joints) > 1 else ""
-    message = (
-        f"in {values['group']}, {who}{_where(values)}: {values['found']}{also}: {values['cause']}? "
-        f"Expected: {values['expected']}"
-    )
-    keys = "; ".join(dict.fromkeys(map(str, issue.remedies)))
-    return message + (f". Proposed: {keys}" if keys else "")
-
-
-def _where(values: Mapping[str, Any]) -> str:
-    """Rows of the log and seconds after its first sample."""
-    parts = []
-    for first, last, begin, end in values["stretches"]:
-        parts.append(
-            f"row {first} ({number(begin, 4)} s)"
-            if first == last
-            else f"rows {first} to {last} ({number(begin, 4)} to {number(end, 4)} s)"
-        )
-    more = f", … ({plural(values['count'], 'sample')} in all)" if values["more"] else ""
-    return ", ".join(parts) + more
 
 
 @says("filtered")

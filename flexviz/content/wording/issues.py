@@ -63,6 +63,8 @@ def issue_text(issue: IssueLike) -> str:
 def issue_message(issue: IssueLike) -> str:
     """An issue in a sentence."""
     message = SAYING.get(issue.kind, general)(issue)
+    if "groups" in issue.values and issue.kind != "payload":
+        message = f"in {listed(list(issue.values['groups']))}, {message}"
     message += "".join(f"; or {_other_cause(other, issue)}" for other in issue.alike[:MOST_ALIKE])
     return message + (", which these data do not tell apart" if issue.alike else "")
 
@@ -95,6 +97,10 @@ def reason(issue: IssueLike) -> str:
     values = issue.values
     if issue.kind == "sign" and issue.signal == "theta and tau":
         return "opposite signs of theta and tau"
+    if "angle" in values:
+        return f"the zero of {issue.joints[0]} moved by {number(values['angle'], 2)} rad"
+    if issue.kind == "drift":
+        return f"a zero that drifts by up to {number(values['drift'], 2)} {values['unit']}"
     if issue.kind == "zero":
         return f"{keys_text(issue.fixes)} rad"
     if issue.kind == "order":
@@ -118,6 +124,10 @@ def reason(issue: IssueLike) -> str:
     if issue.kind == "delay":
         when = "late" if values["delay"] > 0 else "early"
         return f"the torque stamped {1e3 * abs(values['delay']):.2g} ms {when}"
+    if "read_as" in values:
+        return values["read_as"]
+    if issue.kind == "rated":
+        return f"{values['share']} of rated torques"
     if issue.kind == "magnitude":
         return "the sign that it lacks"
     if not issue.fixes and issue.kind == "unit":

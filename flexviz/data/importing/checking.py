@@ -8,16 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.checks import Issue, check_groups, check_references, with_sliding
-from flexviz.data.importing.samples import SPOILT, check_samples, without_stretches
-from flexviz.data.logs import AssembledGroup, Mapping, Proposal
-from flexviz.data.measurements import (
-    Segment,
-    TorqueRun,
-    pieces,
-    seen_limits,
-    silent_torques,
-)
+from flexviz.checks import Issue, check_groups, other_samples, spoilt_samples
+from flexviz.data.importing.samples import samples_of_logs, without_stretches
+from flexviz.data.logs import AssembledGroup, Mapping
 from flexviz.robot.robot import PayloadBody, Robot
 
 
@@ -34,13 +27,13 @@ def check_all(
     """
     # what holds against a clamp is no motion of the robot's masses
     groups = _without_torques(mapping, [group for group in groups if group.entry.kind == "motion"])
-    if mapping.drive is not None:  # without a torque, only samples can be wrong
-        return check_samples(mapping, robot, payloads, groups)
-    silent = check_silent(mapping, robot, payloads, groups)
-    samples = check_samples(mapping, robot, payloads, groups)
-    spoilt = [issue for issue in samples if issue.kind in SPOILT]
+    logged = samples_of_logs(mapping, robot, payloads, groups)
+    spoilt = spoilt_samples(logged)
+    if mapping.drive is not None:  # nothing else is known without a torque
+        return spoilt
     if any(issue.proposals for issue in spoilt):
         return spoilt
+    samples = [] if spoilt else other_samples(logged)
     tables = [(payloads[table.payload], table) for table in without_stretches(groups, samples)]
     found = check_groups(mapping, robot, tables, guessed)
     unit = {
@@ -48,14 +41,9 @@ def check_all(
     }
     if spoilt := [issue for issue in spoilt if not unit & set(issue.joints)]:
         return spoilt
-    found += [issue for issue in samples if issue.kind not in SPOILT]
-    quiet = {joint for issue in silent for joint in issue.joints}
-    told = [issue for issue in found if issue.kind != "unexplained" or not quiet.issuperset(issue.joints)]
-    others = (
-        *check_references(mapping, [group.table for group in groups]),
-        *check_saturated(mapping, groups),
-    )
-    return with_sliding([*told, *silent, *others], robot)
+    quiet = {joint for issue in samples if issue.kind == "no_torque" for joint in issue.joints}
+    found = [issue for issue in found if issue.kind != "unexplained" or not quiet.issuperset(issue.joints)]
+    return [*found, *samples]
 
 
 def _without_torques(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[AssembledGroup]:
@@ -70,35 +58,3 @@ def _without_torques(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list
         )
         for group in groups
     ]
-
-
-def check_silent(
-    mapping: Mapping,
-    robot: Robot,
-    payloads: Named[str, Sequence[PayloadBody]],
-    groups: Sequence[AssembledGroup],
-) -> list[Issue]:
-    """Torques that are no signal although their joints move: one issue, with the key that leaves them out."""
-    runs = [
-        TorqueRun(payloads[table.payload], table.time, table.theta, table.tau)
-        for table in (group.table for group in groups)
-    ]
-    stated = mapping.model.no_torque
-    found = {j: what for j, what in silent_torques(robot, runs).items() if j not in stated}
-    if not found or len(found) + len(stated) == robot.n:
-        return []
-    key = Proposal(("model",), "no_torque", [*stated, *found])
-    return [Issue("no_torque", "odd", tuple(found), "tau", {"what": found}, proposals=(key,))]
-
-
-def check_saturated(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[Issue]:
-    """Torques that stand at a limit while their joints move: one issue per joint."""
-    segments = []
-    for table in (group.table for group in groups):
-        step = float(np.median(np.diff(table.time)))
-        segments += [Segment(table.time[p], table.theta[p], table.tau[p], step) for p in pieces(table.time)]
-    found = []
-    for one in seen_limits(segments):
-        values = {name: getattr(one, name) for name in ("lower", "upper", "tolerance", "rows")}
-        found.append(Issue("saturated", "odd", (mapping.names[one.joint],), "tau", values))
-    return found

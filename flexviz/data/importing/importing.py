@@ -13,7 +13,7 @@ from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.files import named_errors, temporary_folder, whole_folder
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
-from flexviz.checks import Issue
+from flexviz.checks import SPOILT, Issue, behind_gear
 from flexviz.data.importing.checking import check_all
 from flexviz.data.importing.delays import (
     ClockOffset,
@@ -23,7 +23,6 @@ from flexviz.data.importing.delays import (
     torque_delay,
 )
 from flexviz.data.importing.goals import GoalFault, constant_goals, goal_faults
-from flexviz.data.importing.samples import SPOILT
 from flexviz.data.logs import (
     AssembledGroup,
     CoarseClock,
@@ -49,7 +48,6 @@ from flexviz.data.measurements import (
     write_set,
     wrong_time_unit,
 )
-from flexviz.model.equation import behind_gear
 from flexviz.robot.robot import PayloadBody, Robot
 
 FORMAT = 1  # of the report as JSON

@@ -19,6 +19,7 @@ from pydantic import Field
 
 from flexviz.base import toml
 from flexviz.base.schemas import Number, StrictTable, Text, validate
+from flexviz.checks import may_be_signed, sign_bit
 from flexviz.data.logs import (
     CURRENT,
     MAPPING_FORMAT,
@@ -29,7 +30,6 @@ from flexviz.data.logs import (
     TimeColumn,
     pattern,
 )
-from flexviz.data.noise import may_be_signed, sign_bit
 
 FOLDER = Path(__file__).parent / "ready"
 FEW_COUNTS = 10  # that are no motion

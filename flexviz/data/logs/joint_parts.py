@@ -15,7 +15,7 @@ from flexviz.data.measurements import GroupTable
 class JointPart:
     """One joint's columns of one group, means subtracted, all (N,)."""
 
-    theta: Array  # θ, the column compared with it, τ
+    theta: Array  # θ (or what it stands beside), the column compared with it, τ
     other: Array
     tau: Array
     offset: float  # mean of θ minus mean of the column [rad]
@@ -23,14 +23,14 @@ class JointPart:
     step: float  # [s]
 
 
-def joint_parts(tables: Sequence[GroupTable], j: int, name: str) -> list[JointPart]:
-    """θ, the optional column `name` and τ of joint j, of every group that has it."""
+def joint_parts(tables: Sequence[GroupTable], j: int, name: str, beside: str = "theta") -> list[JointPart]:
+    """The column `beside`, the optional one `name` and τ of joint j, where a group has it."""
     parts = []
     for table in tables:
         columns = getattr(table, name)
         if columns is None or not np.isfinite(columns[:, j]).all():
             continue
-        theta, other, tau = table.theta[:, j], columns[:, j], table.tau[:, j]
+        theta, other, tau = getattr(table, beside)[:, j], columns[:, j], table.tau[:, j]
         offset, span = float(np.mean(theta) - np.mean(other)), float(np.ptp(other))
         theta, other, tau = (np.asarray(x - np.mean(x), float) for x in (theta, other, tau))
         parts.append(JointPart(theta, other, tau, offset, span, float(np.median(np.diff(table.time)))))

@@ -23,11 +23,7 @@ from flexviz.data.measurements.measurement_set import (
 from flexviz.data.measurements.overview import SetOverview, overview
 from flexviz.data.measurements.reading import read_set, set_of
 from flexviz.data.measurements.robot_in_set import robot_files
-from flexviz.data.measurements.saturation import (
-    SeenLimit,
-    bridged_torque,
-    seen_limits,
-)
+from flexviz.data.measurements.sampled_motion import SampledMotion, sample_motion
 from flexviz.data.measurements.schema import (
     FILE_NAME,
     Clamped,
@@ -39,8 +35,7 @@ from flexviz.data.measurements.schema import (
 )
 from flexviz.data.measurements.segments import POINTS, interpolate, pieces
 from flexviz.data.measurements.tables import readable, row_name
-from flexviz.data.measurements.torque_signals import TorqueRun, silent_joints, silent_torques
-from flexviz.data.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
+from flexviz.data.measurements.time_units import wrong_time_unit
 from flexviz.data.measurements.writing import SUFFIXES, check_free, write_set
 
 __all__ = [
@@ -66,15 +61,12 @@ __all__ = [
     "MeasurementSet",
     "RecordError",
     "SampledMotion",
-    "SeenLimit",
     "Segment",
     "SetHeader",
     "SetOverview",
     "Temperatures",
-    "TorqueRun",
     "TorqueSide",
     "bridge",
-    "bridged_torque",
     "check_clamped",
     "check_free",
     "cut_off",
@@ -83,7 +75,6 @@ __all__ = [
     "first_damage",
     "has_zeros",
     "interpolate",
-    "likely_limits",
     "overview",
     "pieces",
     "read_payloads",
@@ -95,10 +86,7 @@ __all__ = [
     "row_name",
     "same_recording",
     "sample_motion",
-    "seen_limits",
     "set_of",
-    "silent_joints",
-    "silent_torques",
     "write_set",
     "wrong_time_unit",
 ]

@@ -17,7 +17,7 @@ from flexviz.data.measurements.drive import Drive, check_goals
 from flexviz.data.measurements.schema import Body, GroupEntry, SetHeader
 from flexviz.data.measurements.segments import SHORTEST, Segmented, check_time, make_segments
 from flexviz.data.measurements.tables import Table, require
-from flexviz.data.measurements.unit_checks import UnitCheck, check_optional
+from flexviz.data.measurements.time_units import check_time_unit
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import PayloadBody, Robot
 
@@ -102,7 +102,6 @@ def read_group(
     source: Table,
     robot: Robot,
     bodies: tuple[PayloadBody, ...],
-    stiffness: Array | None,
     warn: Callable[[Fact], None],
     clocks: dict[Path, Segmented],
     no_torque: Sequence[str] = (),
@@ -131,19 +130,14 @@ def read_group(
     def warn_here(fact: Fact) -> None:
         warn(replace(fact, file=str(file)))
 
-    warn_in_words = in_words(warn_here)
-    unit_check = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_in_words)
-    unit_check.check(stiffness, torque=drive is None)
+    for fact in check_time_unit(time, signals[:, :n], file):
+        warn_here(fact)
     for name, column in zip(needed, signals.T[places_of], strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(Fact("constant-column", "odd", columns=(name,)))
     used = ("time", *needed, *optional)
     for name in unused_columns({*present} - {f"tau_{joint}" for joint in no_torque}, used):
         warn_here(Fact("unused-column", "odd", columns=(name,), values={"used": used}))
-    for name, column in zip(optional, others.T, strict=True):
-        kind, j = places[name]
-        measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
-        check_optional(name, column, measured, file, warn_in_words)
     compared = by_kind([places[name] for name in optional], others, n) | named(theta_ref=goals)
     clocks[file] = found = make_segments(time, signals, n)
     if found.dropped and found.segments:
@@ -154,11 +148,6 @@ def read_group(
         entry.name, entry.trajectory, entry.payload, bodies, entry.validation, file, found.segments, time,
         **compared, temperature=temperatures(entry.temperature, n), kp_scale=entry.kp_scale,
     )  # fmt: skip
-
-
-def in_words(warn: Callable[[Fact], None]) -> Callable[[str], None]:
-    """What warns of a column in words."""
-    return lambda text: warn(Fact("doubtful-column", "odd", values={"text": text}))
 
 
 def named(**signals: Array | None) -> dict[str, Array]:

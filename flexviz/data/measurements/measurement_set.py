@@ -15,6 +15,7 @@ import numpy as np
 
 from flexviz.base.errors import InputError, choose_from
 from flexviz.base.facts import Fact
+from flexviz.base.hooks import SetChecks
 from flexviz.base.names import names_of
 from flexviz.base.units import joint_units
 from flexviz.data.measurements.array_tables import array_tables
@@ -31,7 +32,6 @@ from flexviz.data.measurements.group_reading import (
     without_scraps,
 )
 from flexviz.data.measurements.holds import HoldGroup
-from flexviz.data.measurements.saturation import SeenLimit, seen_limits
 from flexviz.data.measurements.schema import FILE_NAME, MeasurementFile, TorqueSide, parse
 from flexviz.data.measurements.segments import Segmented
 from flexviz.data.measurements.set_document import SetProperties, set_document
@@ -193,10 +193,10 @@ class MeasurementSet:
         slides = self.robot.prismatic
         return joint_units("Nm", slides) if slides.any() else ()
 
-    @cached_property
-    def seen_limits(self) -> tuple[SeenLimit, ...]:
-        """Limits at which recorded torques stand, of the joints whose torque saturates."""
-        return seen_limits([segment for group in self.groups for segment in group.segments])
+    @property
+    def seen_limits(self) -> tuple[Any, ...]:
+        """Limits at which recorded torques stand, `flexviz.checks.SeenLimit` of the joints that saturate."""
+        return SetChecks.seen_limits(self)
 
     @property
     def fit_groups(self) -> tuple[Group, ...]:
@@ -287,11 +287,11 @@ def checked_set(
     warn: Warnings,
 ) -> MeasurementSet:
     """The set of a checked `content` with the tables of its groups; `file` is what errors call it."""
-    stiffness, silent = values(content.initial.stiffness), content.model.no_torque
+    silent = content.model.no_torque
     drive = Drive.of(content.drive, len(content.joints))
     clocks: dict[Path, Segmented] = {}
     groups = tuple(
-        read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks, silent, drive)
+        read_group(entry, table, robot, payloads[entry.payload], warn, clocks, silent, drive)
         for entry, table in zip(content.groups, tables, strict=True)
         if entry.kind == "motion"
     )
@@ -302,13 +302,13 @@ def checked_set(
     warn(*copies(groups))
     warn(*clock_facts(clocks))
     gains = content.controller
-    return MeasurementSet(
+    read = MeasurementSet(
         path=file,
         name=file.name,
         robot=robot,
         joints=tuple(content.joints),
         torque_hold=content.torque_hold,
-        initial_stiffness=stiffness,
+        initial_stiffness=values(content.initial.stiffness),
         initial_motor_inertia=values(content.initial.motor_inertia),
         kp=values(gains and gains.kp),
         kd=values(gains and gains.kd),
@@ -322,3 +322,5 @@ def checked_set(
         no_torque=tuple(content.model.no_torque),
         drive=drive,
     )
+    SetChecks.refuse(read)
+    return read

@@ -1,35 +1,32 @@
-"""Measurement noise, and what recorded signals can be trusted for."""
+"""Measurement noise, counts, repeated values and jumps of recorded signals, as far as samples show them."""
 
-from flexviz.data.noise.check import check_signals, noise_notes
-from flexviz.data.noise.estimates import resolution, segments_noise, white_noise
-from flexviz.data.noise.filtered import FilteredLog, filtered_before_writing
-from flexviz.data.noise.findings import Channel, Remedy, SampleFinding
-from flexviz.data.noise.jumps import check_jumps, column_findings, outliers
-from flexviz.data.noise.outside import GroupSamples, check_outside
-from flexviz.data.noise.registers import has_sign_bit, may_be_signed, sign_bit, sign_magnitude, unwrapped
-from flexviz.data.noise.repeats import check_repeats, new_rows
+from flexviz.data.noise.channels import Channel
+from flexviz.data.noise.counts import ENOUGH, count_of, in_counts
+from flexviz.data.noise.estimates import UNIFORM, resolution, segments_noise, sudden_noise, white_noise
+from flexviz.data.noise.jumps import SHORTEST, jumped, outliers
+from flexviz.data.noise.registers import SLACK, sign_magnitude, unwrapped
+from flexviz.data.noise.repeats import Repeats, new_rows, repeats_of, smallest_step
+from flexviz.data.noise.thresholds import SHORT
 
 __all__ = [
+    "ENOUGH",
+    "SHORT",
+    "SHORTEST",
+    "SLACK",
+    "UNIFORM",
     "Channel",
-    "FilteredLog",
-    "GroupSamples",
-    "Remedy",
-    "SampleFinding",
-    "check_jumps",
-    "check_outside",
-    "check_repeats",
-    "check_signals",
-    "column_findings",
-    "filtered_before_writing",
-    "has_sign_bit",
-    "may_be_signed",
+    "Repeats",
+    "count_of",
+    "in_counts",
+    "jumped",
     "new_rows",
-    "noise_notes",
     "outliers",
+    "repeats_of",
     "resolution",
     "segments_noise",
-    "sign_bit",
     "sign_magnitude",
+    "smallest_step",
+    "sudden_noise",
     "unwrapped",
     "white_noise",
 ]

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexviz.base.arrays import Array
 from flexviz.data.measurements import Segment
+from flexviz.data.noise.counts import count_of
 from flexviz.data.noise.repeats import repeats_of
 from flexviz.data.noise.thresholds import THRESHOLDS
 
@@ -39,19 +40,6 @@ def _white_noise(column: Array) -> float:
     if robust <= rounding:
         robust = _spread(difference, rounding)
     return float(max(np.sqrt(held) * robust / DIFFERENCE_GAIN, UNIFORM * count_of(column)))
-
-
-def count_of(y: Array) -> float:
-    """The count of which the steps of a column (N,) are multiples; zero if they are not."""
-    steps = np.abs(np.diff(y))
-    steps = steps[steps > THRESHOLDS.rounding * float(np.max(np.abs(y)))]
-    if not len(steps):
-        return 0.0
-    count = float(np.quantile(steps, THRESHOLDS.count_quantile))
-    multiples = steps / count
-    on_grid = np.abs(multiples - np.round(multiples)) < THRESHOLDS.off_count
-    many = len(np.unique(np.round(y / count))) > THRESHOLDS.fewest_counts
-    return count if many and np.mean(on_grid) > THRESHOLDS.held_regularly else 0.0
 
 
 def sudden_noise(y: Array) -> Array:

@@ -17,7 +17,7 @@ class TorqueLimit(Effect):
     """A recorded command of which the drive gives no more than its limit.
 
     Where the record itself is limited it shows no command beyond, so that u is zero at the limit that it
-    shows; such samples are left out of fits (`flexviz.data.measurements.seen_limits`).
+    shows; such samples are left out of fits (`flexviz.checks.seen_limits`).
     """
 
     name = "torque_limit"

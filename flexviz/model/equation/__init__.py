@@ -8,4 +8,3 @@ from flexviz.model.equation.products import FilteredProducts
 from flexviz.model.equation.residual import Equation, Evaluation, OperatingPoint
 from flexviz.model.equation.reversal_nuisance import PulseGroup, Pulses, pulses, side_by_side
 from flexviz.model.equation.signals import Block, Signals, build_signals, equation_stride
-from flexviz.model.equation.torque_side import behind_gear, torque_evidence

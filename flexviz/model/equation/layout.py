@@ -16,9 +16,9 @@ import numpy as np
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.units import joint_unit
+from flexviz.checks import behind_gear
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
-from flexviz.model.equation.torque_side import behind_gear
 from flexviz.robot.model import INERTIAL_UNITS, JOINT_UNITS, EffectValue, FlexibleModel
 
 RIGID = 1e-12  # [rad/Nm] of a rigid joint: a nanometre at the end of a long arm under any torque

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
-from flexviz.data.measurements import Group, MeasurementSet, SeenLimit, Segment, bridged_torque
+from flexviz.checks import SeenLimit, seen_limits
+from flexviz.data.measurements import Group, MeasurementSet, Segment
+from flexviz.model.equation.saturated import bridged_torque
 from flexviz.model.observers import Observer
 
 MIN_SAMPLES = 10  # of a segment without its transients
@@ -128,7 +130,7 @@ def build_signals(
         InputError: if no samples are left after the transients.
     """
     start, end = _dropped(groups, observer.settling() if drop is None else drop, longest_edge)
-    delay, limits, row = measurements.torque_hold / 2, measurements.seen_limits, 0
+    delay, limits, row = measurements.torque_hold / 2, seen_limits(measurements), 0
     blocks, times, thetas, taus, shares = list[Block](), [], [], [], []
     for index, group in enumerate(groups):
         for segment in group.segments:

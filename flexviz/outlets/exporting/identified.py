@@ -253,10 +253,10 @@ def identified_robot(
         warnings.append("The measurement set has changed since this identification.")
     if verdict is None and (lacking := lacks_effects(document)):
         warnings.append(lacking)
-    gains = [p for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]
-    if gains:
+    loose = [p for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]
+    if loose:
         warnings.append(
-            f"Scale of {', '.join(str(p.joint) for p in gains)} not determined: torques, inertia and gain are "
+            f"Scale of {', '.join(str(p.joint) for p in loose)} not determined: torques, inertia and gain are "
             "known in ratio to each other only."
         )
     found = replace(found, remarks=tuple(warnings))

@@ -8,7 +8,8 @@ from flexviz.base.facts import Fact
 from flexviz.base.spelling import number
 from flexviz.content.wording.errors import noise_text
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.issue_kinds import SATURATED, no_torque_text, stands_text
+from flexviz.content.wording.issue_kinds import SATURATED, no_noise_text, no_torque_text, stands_text
+from flexviz.content.wording.sample_kinds import what_is_said
 
 
 @says("no-torque")
@@ -29,6 +30,13 @@ def torque_saturated(fact: Fact) -> str:
         for joint, low, high, *rest in columns
     )
     return f"{'; '.join(each)}: {SATURATED}"
+
+
+@says("reference")
+def reference(fact: Fact) -> str:
+    """Angles that no sensor has measured."""
+    unit = " or ".join(dict.fromkeys(fact.values["units"]))
+    return f"theta of {', '.join(fact.joints)} {no_noise_text(max(fact.values['noise']), unit)}"
 
 
 @says("behind-gear")
@@ -52,6 +60,14 @@ def filtered(fact: Fact) -> str:
         f"this log was filtered before it was written (nothing above about {number(fact.values['hertz'], 2)} "
         "Hz): the model error, not the sensor noise, is the yardstick"
     )
+
+
+@says("spoilt-samples")
+def spoilt_samples(fact: Fact) -> str:
+    """Why a set is refused: samples of which nothing can be concluded."""
+    said = what_is_said(fact.values["issue"])
+    also = f"; also in {', '.join(fact.columns)}" if fact.columns else ""
+    return f"{said.found}{also}: {said.cause}? expected {said.expected}"
 
 
 @says("noise")

@@ -8,7 +8,7 @@ from flexviz.base.errors import choose_from
 from flexviz.base.facts import Fact
 from flexviz.base.spelling import plural
 from flexviz.content.wording.facts import says
-from flexviz.content.wording.issues import issue_message
+from flexviz.content.wording.issues import IssueLike, issue_message
 
 
 def first_file(files: Sequence[str]) -> str:
@@ -16,10 +16,29 @@ def first_file(files: Sequence[str]) -> str:
     return files[0] + (f" and {len(files) - 1} more" if len(files) > 1 else "")
 
 
-@says("doubtful-column")
-def doubtful_column(fact: Fact) -> str:
-    """A column whose unit is doubtful."""
-    return fact.values["text"]
+@says("odd-step")
+def odd_step(fact: Fact) -> str:
+    """A clock that is slow or fast for a flexible joint."""
+    step = fact.values["step"]
+    how = "slow for flexible joints" if step > 1e-3 else "uncommonly short"
+    return f"the step is {step:g} s, {how}: is time in seconds?"
+
+
+@says("wrong-unit")
+def wrong_unit(fact: Fact) -> str:
+    """Why a set is refused: a column in a unit that is orders of magnitude off."""
+    found: IssueLike = fact.values["issue"]
+    return f"{issue_message(found)}; {_unit_meant(found)}"
+
+
+def _unit_meant(issue: IssueLike) -> str:
+    """What the unit of a column seems to be, and what is expected."""
+    units = [fix.value for fix in issue.fixes if fix.key == "unit"]
+    if issue.signal in ("tau", "tau_joint"):
+        small = "mNm" if issue.values["times"] > 1 else "kNm, or the motor's torque before the gear"
+        return f"is this {units[0] if units else small}? expected Nm at the joint side"
+    meant = "" if units else ", or the motor's angle before the gear"
+    return f"are these degrees{meant}? expected radians at the joint side (after the gear)"
 
 
 @says("constant-column")

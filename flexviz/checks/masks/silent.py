@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from flexviz.data.measurements.data import Array
-from flexviz.data.measurements.measurement_set import MeasurementSet
-from flexviz.data.measurements.unit_checks import SampledMotion, sample_motion
-from flexviz.robot.robot import PayloadBody, Robot
+from flexviz.base.arrays import Array
+from flexviz.checks.issues import Issue
+from flexviz.checks.samples import AllSamples, GroupSamples, mask
+from flexviz.checks.set_samples import samples_of
+from flexviz.data.logs import Proposal
+from flexviz.data.measurements import MeasurementSet, SampledMotion, sample_motion
+from flexviz.robot.robot import Robot
 
 FEW_VALUES = 3  # of a torque, which tell its direction at most
 LEAST_SHARE = 0.2  # of a torque's variance that the motion explains; below, it may be unrelated
 SHIFTS = 19  # comparisons with the motion at other times: one in twenty of unrelated torques passes
 LEAST_MOTION = 1e-3  # [rad], [m] by which a joint has to move, for its torque to be missed
 
-
 SilentTorque = dict[str, Any]  # "values": the few that it has; or "share": of it that the motion explains
-
-
-@dataclass(frozen=True, eq=False)
-class TorqueRun:
-    """One run: payload's bodies, time (N,) [s], θ (N, n) [rad] and τ (N, n) [Nm]."""
-
-    bodies: Sequence[PayloadBody]
-    time: Array
-    theta: Array
-    tau: Array
 
 
 def silent_joints(measurements: MeasurementSet) -> dict[str, SilentTorque]:
@@ -37,22 +28,29 @@ def silent_joints(measurements: MeasurementSet) -> dict[str, SilentTorque]:
 
     Joints that the set states in `no_torque` are not named.
     """
-    runs = [
-        TorqueRun(group.bodies, *(group.joined(name) for name in ("time", "theta", "tau")))
-        for group in measurements.groups
-        if group.segments
-    ]
-    found = silent_torques(measurements.robot, runs)
-    return {joint: what for joint, what in found.items() if joint not in measurements.no_torque}
+    return silent_torques(samples_of(measurements))
 
 
-def silent_torques(robot: Robot, runs: Sequence[TorqueRun]) -> dict[str, SilentTorque]:
-    """Joints whose torque is no signal although they move -> what it is instead."""
+@mask
+def silent(samples: AllSamples) -> Iterator[Issue]:
+    """Torques that are no signal although their joints move: one issue, with the key that leaves them out."""
+    stated, found = samples.no_torque, silent_torques(samples)
+    if found and len(found) + len(stated) < samples.robot.n:
+        key = Proposal(("model",), "no_torque", [*stated, *found])
+        yield Issue("no_torque", "odd", tuple(found), "tau", {"what": found}, proposals=(key,))
+
+
+def silent_torques(samples: AllSamples) -> dict[str, SilentTorque]:
+    """Joints whose torque is no signal although they move, and not said so -> what it is instead."""
     out: dict[str, SilentTorque] = {}
+    robot, runs = samples.robot, samples.groups
+    if not runs:
+        return out
     motions = [(run, sample_motion(run.time, run.theta, run.tau)) for run in runs]
     columns = [_explaining(robot, run, motion) for run, motion in motions]
     for j, joint in enumerate(robot.joints):
-        if max(float(np.ptp(run.theta[:, j])) for run in runs) < LEAST_MOTION:
+        still = max(float(np.ptp(run.theta[:, j])) for run in runs) < LEAST_MOTION
+        if still or joint in samples.no_torque:
             continue
         values = np.unique(np.concatenate([np.unique(run.tau[:, j]) for run in runs]))
         if len(values) <= FEW_VALUES:
@@ -64,7 +62,7 @@ def silent_torques(robot: Robot, runs: Sequence[TorqueRun]) -> dict[str, SilentT
     return out
 
 
-def _explaining(robot: Robot, run: TorqueRun, motion: SampledMotion) -> Array:
+def _explaining(robot: Robot, run: GroupSamples, motion: SampledMotion) -> Array:
     """What may explain each joint's torque: CAD gravity and inertia, friction, own inertia: (M, n, 6)."""
     still = np.zeros_like(motion.q)
     gravity = robot.cad_torques(run.bodies, motion.q, still, still)

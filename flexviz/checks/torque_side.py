@@ -10,16 +10,20 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.nonnegative import nonnegative_least_squares
+from flexviz.checks.masks.means import TorqueMeans
+from flexviz.checks.samples import GroupSamples
+from flexviz.checks.set_samples import samples_of
 from flexviz.data.measurements import MeasurementSet
-from flexviz.model.equation.link import LinkDynamics
-from flexviz.model.equation.signals import Signals, build_signals
-from flexviz.model.observers import ButterworthZeroPhase
+from flexviz.robot._pinocchio import pin
+from flexviz.robot.robot import Robot
 
 BAND = 5.0  # [Hz] of the comparison: below the resonances of nearly all arms
+SMOOTHED = 0.05  # [s] three means over it, one of the other, are 3 dB lower there
 MOST_SAMPLES = 1500  # of the comparison
 LEAST_MOTOR = 0.1  # least inertia of a geared motor, in units of what its joint moves
 MOST_DRY = 0.15  # dry friction behind a gear, in units of the torque's standard deviation
@@ -54,7 +58,8 @@ def behind_gear(measurements: MeasurementSet) -> bool:
     if measurements.torque is not None:
         return measurements.torque == "joint"
     if measurements not in _FOUND:
-        _FOUND[measurements] = torque_evidence(measurements)
+        with threadpool_limits(1, "blas"):  # the matrices are small: threads would wait for each other
+            _FOUND[measurements] = torque_evidence(measurements)
     return _FOUND[measurements].behind_gear
 
 
@@ -66,34 +71,45 @@ def torque_evidence(measurements: MeasurementSet) -> TorqueEvidence:
     compared, so that a joint whose B the data do not separate from the links' inertia (the first one of most
     arms) says nothing, and neither do data with little acceleration, or with large errors of the model.
     """
-    try:
-        duration = sum(group.duration for group in measurements.groups)
-        step = max(duration / MOST_SAMPLES, 1 / (2 * BAND))
-        observer = ButterworthZeroPhase(2 * np.pi * BAND)
-        signals = build_signals(
-            measurements, measurements.groups, observer, sample_step=step, exact_step=True
-        )
-    except InputError:
+    samples = samples_of(measurements)
+    step = max(sum(float(np.ptp(g.time)) for g in samples.groups) / MOST_SAMPLES, 1 / (2 * BAND))
+    found = [(g, TorqueMeans.of(g, SMOOTHED, step)) for g in samples.groups]
+    every = [(group, means) for group, means in found if means is not None]
+    if not every:
         return TorqueEvidence(0.0, np.inf)
-    return _compared(measurements, signals)
+    try:
+        loads = [_load(measurements.robot, group, means) for group, means in every]
+    except InputError:  # bodies without mass
+        return TorqueEvidence(0.0, np.inf)
+    q, v, a, torque = (
+        np.concatenate([getattr(means, name) for _, means in every]) for name in ("q", "v", "a", "torque")
+    )
+    return _compared(measurements, q, v, a, torque, torque - np.concatenate(loads))
 
 
-def _compared(measurements: MeasurementSet, signals: Signals) -> TorqueEvidence:
-    q, v, a = signals.theta[:3]
-    count, n = q.shape
-    link = LinkDynamics(measurements.robot)
-    regressor = link.regressor(q, v, a)
-    torque = signals.tau[0].copy()
-    for block in signals.blocks:
-        torque[block.rows] -= regressor[block.rows] @ signals.payload[block.group].ravel()
-    still, speed = np.zeros_like(q), np.sqrt(np.mean(v**2, axis=0)) + 1e-12
+def _load(robot: Robot, group: GroupSamples, means: TorqueMeans) -> Array:
+    """(M, n) torque of the payload [Nm]."""
+    if not group.bodies:
+        return np.zeros_like(means.q)
+    state = means.q, means.v, means.a
+    return robot.cad_torques(group.bodies, *state) - robot.cad_torques((), *state)
+
+
+def _compared(
+    measurements: MeasurementSet, q: Array, v: Array, a: Array, recorded: Array, torque: Array
+) -> TorqueEvidence:
+    robot, model = measurements.robot, measurements.robot.model.copy()
+    (count, n), data = q.shape, model.createData()
+    states = list(zip(*map(robot.to_pin, (q, v, a)), strict=True))
+    columns = (10 * robot.order[:, None] + np.arange(10)).ravel()
+    regressor = np.array([pin.computeJointTorqueRegressor(model, data, *state) for state in states])
+    regressor = regressor[:, robot.order][:, :, columns]
     # typical inertia that a joint moves, of the CAD model [kg m²]
-    cad = [(slice(0, count), measurements.robot.cad_parameters)]
-    moved = link.evaluate(cad, q, still, still).mass.mean(axis=0).diagonal()
-    least = LEAST_MOTOR * moved
+    moved = robot.from_pin(np.mean([np.diag(pin.crba(model, data, pose)) for pose, _, _ in states], axis=0))
+    speed = np.sqrt(np.mean(v**2, axis=0)) + 1e-12
     used = [j for j, joint in enumerate(measurements.joints) if joint not in measurements.no_torque]
     rows = [_rows(j, n, regressor[:, j], v[:, j] / speed[j], a[:, j], torque[:, j]) for j in used]
-    found = _decided(rows, count, least, signals.tau[0].std(axis=0))
+    found = _decided(rows, count, LEAST_MOTOR * moved, recorded.std(axis=0))
     return TorqueEvidence(found.gain, float(np.median(found.dry[used])))
 
 

@@ -3,19 +3,21 @@
 On a plateau the recorded torque does not change although the joint moves, and on either side of it the torque
 falls away faster than from the top of a smooth curve: a parabola that stays within one step of the record's
 resolution for T is three steps lower T/2 further on. There the torque itself is only known to be beyond the
-limit, unless the drive could not give more. Such rows are left out of fits; that the filters carry little of
-them to their neighbours, a polynomial through the torque on both sides takes their place.
+limit, unless the drive could not give more; such rows are left out of fits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools
-from flexviz.data.measurements.data import Segment
+from flexviz.checks.issues import Issue
+from flexviz.checks.samples import AllSamples, mask, runs
+from flexviz.data.measurements import MeasurementSet, Segment
 
 FEWEST_IN_A_ROW = 4  # equal samples of a plateau
 FEWEST = 8  # of all plateaus together
@@ -25,9 +27,6 @@ FALLS = 10.0  # steps of the resolution by which the torque falls on a side of a
 MOVES = 0.02  # of the joint's top speed, at which it moves on average, or else the torque may rest as well
 LARGE = 0.5  # of the largest torque: smaller plateaus are no limits
 OVERSHOOT = 6  # samples beside a plateau that resampling may lift above it
-SIDE = 0.5  # of a plateau's length, on either side of it, that tells how the torque goes on
-DEGREE = 4  # of the polynomial
-MOST = 2.0  # times the limit: beyond, the polynomial is not trusted
 ROUNDING = 1e-7  # of the largest torque, as of a single-precision number
 WIDE = 4.0  # standard deviations of a noise that is added to a limited torque
 
@@ -59,24 +58,31 @@ class SeenLimit:
         return (tau >= self.upper - self.tolerance) | (tau <= self.lower + self.tolerance)
 
 
-def seen_limits(segments: Sequence[Segment]) -> tuple[SeenLimit, ...]:
-    """The joints whose torque saturates."""
+_FOUND: WeakKeyDictionary[MeasurementSet, tuple[SeenLimit, ...]] = WeakKeyDictionary()
+
+
+def seen_limits(measurements: MeasurementSet) -> tuple[SeenLimit, ...]:
+    """Limits at which the recorded torques of a set stand, found once."""
+    if measurements not in _FOUND:
+        segments = [segment for group in measurements.groups for segment in group.segments]
+        _FOUND[measurements] = saturated_joints(segments)
+    return _FOUND[measurements]
+
+
+def saturated_joints(segments: Sequence[Segment]) -> tuple[SeenLimit, ...]:
+    """The limits of the joints whose torque saturates."""
     if not segments:
         return ()
     found = (_seen(segments, j) for j in range(segments[0].tau.shape[1]))
     return tuple(one for one in found if one is not None)
 
 
-def bridged_torque(tau: Array, limits: Sequence[SeenLimit]) -> tuple[Array, Bools | None]:
-    """τ (N, n) with polynomials in place of its plateaus, and where these are, (N, n); None without any."""
-    at = {one.joint: one.reached(tau[:, one.joint]) for one in limits}
-    if not any(rows.any() for rows in at.values()):
-        return tau, None
-    out, unknown = np.array(tau, float), np.zeros(tau.shape, bool)
-    for one in limits:
-        unknown[:, one.joint] = at[one.joint]
-        _bridge(out[:, one.joint], at[one.joint], one)
-    return out, unknown
+@mask
+def saturated(samples: AllSamples) -> Iterator[Issue]:
+    """Torques that stand at a limit while their joints move: one issue per joint."""
+    for one in saturated_joints(samples.segments):
+        values = {name: getattr(one, name) for name in ("lower", "upper", "tolerance", "rows")}
+        yield Issue("saturated", "odd", (samples.robot.joints[one.joint],), "tau", values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +181,8 @@ def _side(joint: _Joint, sign: float, levels: Callable[[_Joint, Array], _Level |
     for y, theta in zip(joint.tau, joint.theta, strict=True):
         up = sign * y - level.value
         beyond += int(np.count_nonzero(up > level.tolerance))
-        for first, end in _runs(np.abs(up) <= level.tolerance):
+        for first, last in runs(np.flatnonzero(np.abs(up) <= level.tolerance)):
+            end = last + 1
             count = end - first
             moves = np.ptp(theta[first:end]) >= MOVES * joint.top_speed * count
             if count >= joint.least and moves and _falls(up, first, end, FALLS * level.width):
@@ -183,33 +190,8 @@ def _side(joint: _Joint, sign: float, levels: Callable[[_Joint, Array], _Level |
     return level if rows >= FEWEST and beyond <= 2 * OVERSHOOT * plateaus and beyond < rows else None
 
 
-def _runs(at: Bools) -> list[tuple[int, int]]:
-    """First of each run of samples, (N,), and the one after its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def _falls(up: Array, first: int, end: int, least: float) -> bool:
     """Whether the torque falls by this much on the sides of a plateau, or on the one that was recorded."""
     beside = max((end - first) // 2, 1)
     sides = [up[i] for i in (first - beside, end - 1 + beside) if 0 <= i < len(up)]
     return bool(sides) and max(sides) < -least
-
-
-def _bridge(tau: Array, at: Bools, seen: SeenLimit) -> None:
-    """Polynomials instead of the plateaus `at` (N,) of τ (N,), in place; never short of the limit."""
-    runs = _runs(at)
-    for k, (first, end) in enumerate(runs):
-        low = runs[k - 1][1] if k else 0
-        high = runs[k + 1][0] if k + 1 < len(runs) else len(tau)
-        side = max(int(SIDE * (end - first)), DEGREE + 1)
-        rows = np.concatenate(
-            [np.arange(max(first - side, low), first), np.arange(end, min(end + side, high))]
-        )
-        level = seen.upper if tau[first] > 0 else seen.lower
-        if rows.size <= DEGREE or rows[0] >= first or rows[-1] < end:
-            continue  # nothing tells how it goes on
-        middle, half = (first + end - 1) / 2, max((rows[-1] - rows[0]) / 2, 1.0)
-        fitted = np.polynomial.polynomial.polyfit((rows - middle) / half, tau[rows], DEGREE)
-        there = np.polynomial.polynomial.polyval((np.arange(first, end) - middle) / half, fitted)
-        tau[first:end] = np.sign(level) * np.clip(np.sign(level) * there, abs(level), MOST * abs(level))

@@ -9,11 +9,10 @@ import numpy as np
 
 from flexviz.base.arrays import Array
 from flexviz.data.measurements import Group
-from flexviz.data.noise.estimates import sudden_noise, white_noise
-from flexviz.data.noise.findings import SampleFinding
-from flexviz.data.noise.jumps import column_findings
-from flexviz.data.noise.thresholds import THRESHOLDS
+from flexviz.data.noise import sudden_noise, white_noise
 from flexviz.robot.robot import Robot
+
+PERIOD = 0.1  # [s] means over it keep what is below 4 Hz, the narrowest band of an identification
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,6 @@ class GroupNoise:
     White noise of σ is σ/√m in means of m samples, and √6 times that in their second differences.
 
     Attributes:
-        faults: of its columns.
         torque: shape (B, n), τ [Nm].
         acceleration: shape (A, n), second differences of θ [rad/s²].
         torque_noise, acceleration_noise: shape (n,), standard deviation of the noise in both.
@@ -31,7 +29,6 @@ class GroupNoise:
             and steps too.
     """
 
-    faults: tuple[SampleFinding, ...]
     torque: Array
     acceleration: Array
     torque_noise: Array
@@ -54,7 +51,7 @@ def _group_noise(group: Group, robot: Robot) -> GroupNoise:
     none = np.zeros((0, robot.n))
     torque, acceleration, variances, count = [none], [none], np.zeros((4, robot.n)), 0
     for segment in group.segments:
-        samples = max(1, round(THRESHOLDS.period / segment.step))
+        samples = max(1, round(PERIOD / segment.step))
         blocks = len(segment) // samples
         if not blocks:
             continue
@@ -76,5 +73,4 @@ def _group_noise(group: Group, robot: Robot) -> GroupNoise:
         variances += blocks / samples * found**2
         count += blocks
     deviations = np.sqrt(variances / max(count, 1))
-    faults = column_findings(group.segments, robot)
-    return GroupNoise(faults, np.concatenate(torque), np.concatenate(acceleration), *deviations)
+    return GroupNoise(np.concatenate(torque), np.concatenate(acceleration), *deviations)

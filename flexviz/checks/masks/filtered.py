@@ -10,16 +10,16 @@ above the cut-off and larger than the digits that were written.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexviz.base.arrays import Array, Bools
+from flexviz.checks.issues import Issue
+from flexviz.checks.samples import AllSamples, mask
 from flexviz.data.measurements import Segment
-from flexviz.data.noise.estimates import UNIFORM, count_of, resolution
-from flexviz.data.noise.repeats import repeats_of
-from flexviz.data.noise.thresholds import THRESHOLDS
+from flexviz.data.noise import ENOUGH, UNIFORM, count_of, in_counts, repeats_of, resolution
 
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)  # side lobes 92 dB below: motion does not leak
 MEDIAN_OF_POWER = np.log(2.0)  # of white noise in one bin, over its mean
@@ -29,7 +29,12 @@ WINDOWS = 200  # that suffice for a median
 SHORT, LONG = 0.25, 2.0  # [s] of a window: short ones without reversals, and those that resolve 2 Hz
 FEWEST, MOST = 64, 4096  # samples of a window
 SAME_RATE = 0.05  # relative difference of rates that are the same
-ENOUGH = 20_000  # samples that show the digits with which a column was written
+FIRST_ORDER = 2.5  # by which the level falls from LOWER to HIGH behind a filter of first order (3.2 far above
+FALLING = 1.7  # its cut-off); single joints of such a log fall by this
+STEEP = 50.0  # behind a filter of third order; the torque of friction falls by up to 15
+ABOVE_STOP_BAND = 10.0  # times the level at HIGH that counts as content
+TORQUE_CONTENT = 256.0  # times the finest resolution that counts as content: 2^-10 of the range
+POSITION_CONTENT = 4.0  # the same of a position: a count of an encoder with 2^22 counts a turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,18 @@ class FilteredLog:
         return float(np.median(found)) if 2 * len(found) > len(self.tau) else None
 
 
+@mask
+def filtered(samples: AllSamples) -> Iterator[Issue]:
+    """Torques that were surely low-passed before they were written."""
+    if not samples.segments:
+        return
+    log = filtered_before_writing(samples.segments)
+    if log.hertz is not None and log.certain:
+        names = zip(samples.robot.joints, log.tau, strict=True)
+        joints = tuple(joint for joint, hertz in names if np.isfinite(hertz))
+        yield Issue("filtered", "odd", joints, "tau", {"hertz": log.hertz})
+
+
 def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     """Which signals were low-passed before they were written, and up to where they still have content.
 
@@ -63,17 +80,17 @@ def filtered_before_writing(segments: Sequence[Segment]) -> FilteredLog:
     theta, tau = (_Spectrum.of(segments, name, SHORT) for name in ("theta", "tau"))
     finest = resolution(segments)
     falls = tau.falls
-    log_falls = bool(np.isfinite(falls).any()) and float(np.nanmedian(falls)) > THRESHOLDS.first_order
-    torques = (tau.high < finest[1]) | (log_falls & (falls > THRESHOLDS.falling))
-    steep = (tau.high < finest[1]) | (falls > THRESHOLDS.steep)
-    counted = _in_counts(segments)
+    log_falls = bool(np.isfinite(falls).any()) and float(np.nanmedian(falls)) > FIRST_ORDER
+    torques = (tau.high < finest[1]) | (log_falls & (falls > FALLING))
+    steep = (tau.high < finest[1]) | (falls > STEEP)
+    counted = in_counts(segments)
     # dry friction in counts falls as behind a first-order filter
     torques &= ~(tau.white & (tau.high > _written(segments, finest[1]))) & (steep | ~counted)
-    positions = (theta.high < finest[0]) | (torques & (theta.falls > THRESHOLDS.falling) & ~counted)
+    positions = (theta.high < finest[0]) | (torques & (theta.falls > FALLING) & ~counted)
     return FilteredLog(
         certain=bool(2 * np.count_nonzero(steep) > len(steep)),
-        theta=_content(segments, "theta", positions, THRESHOLDS.position_content * finest[0]),
-        tau=_content(segments, "tau", torques, THRESHOLDS.torque_content * finest[1]),
+        theta=_content(segments, "theta", positions, POSITION_CONTENT * finest[0]),
+        tau=_content(segments, "tau", torques, TORQUE_CONTENT * finest[1]),
     )
 
 
@@ -84,48 +101,13 @@ def _written(segments: Sequence[Segment], finest: Array) -> Array:
     return np.maximum(finest, 2 * UNIFORM * digits)
 
 
-def _in_counts(segments: Sequence[Segment]) -> Bools:
-    """Which positions are still in the counts of their encoder, shape (n,): steps are multiples of one.
-
-    No filter's output has such steps, but for a power of ten [rad], [°]: the digits that were written.
-    """
-    found = []
-    for j in range(segments[0].theta.shape[1]):
-        parts = [(s.theta[:, j], s.step) for s in segments]
-        count = count_of(np.concatenate([y for y, _ in parts])[:ENOUGH]) or _standing_count(parts)
-        digits = np.log10([count, np.degrees(count)]) if count > 0 else np.zeros(2)
-        found.append(bool(np.all(np.abs(digits - np.round(digits)) > THRESHOLDS.off_count)))
-    return np.array(found)
-
-
-def _standing_count(parts: Sequence[tuple[Array, float]]) -> float:
-    """The count of a position that stands between two of them in motion, 0.0 of one that does not.
-
-    `parts`: (N,) each, and their steps [s]. Standing values remain where a jittering clock was resampled.
-    """
-    standing, samples, values = 0, 0, list[Array]()
-    for y, step in parts:
-        still = np.abs(np.diff(y)) <= THRESHOLDS.rounding * float(np.max(np.abs(y)))
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], still, [0]))))
-        first, last = edges[::2], edges[1::2]
-        short = (last - first) * step < THRESHOLDS.standing
-        standing += int(np.sum((last - first)[short]))
-        samples += len(y) - int(np.sum((last - first)[~short]))
-        values.append(y[first[short]])
-    if standing <= (1 - THRESHOLDS.held_regularly) * samples:
-        return 0.0
-    steps = np.diff(np.unique(np.concatenate(values)))
-    steps = steps[steps > THRESHOLDS.position_resolution]
-    return float(np.quantile(steps, THRESHOLDS.count_quantile, method="lower")) if len(steps) else 0.0
-
-
 def _content(segments: Sequence[Segment], name: str, filtered: Bools, least: Array) -> Array:
     """Highest frequency at which each filtered signal is above a level, shape (n,) [Hz]; else NaN."""
     found = np.full(len(filtered), np.nan)
     if filtered.any():
         spectrum = _Spectrum.of(segments, name, LONG)
         for j in np.flatnonzero(filtered):
-            level = max(least[j], THRESHOLDS.above_stop_band * spectrum.high[j])
+            level = max(least[j], ABOVE_STOP_BAND * spectrum.high[j])
             above = np.flatnonzero(spectrum.level[:, j] > level)
             found[j] = spectrum.rate * spectrum.frequency[above[-1] if len(above) else 1]
     return found

@@ -12,12 +12,16 @@ from flexviz.base.arrays import Array, Bools
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.spelling import number
+from flexviz.checks.group_noise import GroupNoise, group_noise
+from flexviz.checks.set_samples import spoilt_group
 from flexviz.data.measurements import Group, MeasurementSet, row_name
-from flexviz.data.noise.group_noise import GroupNoise, group_noise
-from flexviz.data.noise.thresholds import THRESHOLDS
 from flexviz.robot.robot import Robot
 
 POSES = 5  # at which a joint's inertia is taken
+NOISE_ONLY = 0.8  # share of the variance of means from which a torque is nothing but noise
+NOTICEABLE = 0.1  # share of the noise in a joint's torque from which it is named
+NOISE_TORQUE = 1.0  # torque that it takes to follow the noise of a position over the joint's own,
+LEAST_TORQUE = 0.01  # which counts as this share of the largest joint's at least: refused
 
 
 def check_signals(measurements: MeasurementSet, groups: Sequence[Group] | None = None) -> tuple[float, ...]:
@@ -35,8 +39,8 @@ def check_signals(measurements: MeasurementSet, groups: Sequence[Group] | None =
     """
     groups = measurements.groups if groups is None else groups
     found = [group_noise(group, measurements.robot) for group in groups]
-    for group, one in zip(groups, found, strict=True):
-        _refuse_faults(group, one)
+    for group in groups:
+        _refuse_spoilt(group, measurements.robot)
     if not any(len(one.torque) for one in found):
         return (0.0,) * measurements.n
     pooled = _Pooled.of(groups, found, measurements.robot)
@@ -48,21 +52,21 @@ def check_signals(measurements: MeasurementSet, groups: Sequence[Group] | None =
 def noise_notes(measurements: MeasurementSet) -> list[Fact]:
     """A fact on the joints whose torque is noise in part; raises as `check_signals` does."""
     shares = zip(measurements.joints, check_signals(measurements), strict=True)
-    large = {joint: share for joint, share in shares if share > THRESHOLDS.noticeable}
+    large = {joint: share for joint, share in shares if share > NOTICEABLE}
     return [Fact("noise", "odd", tuple(large), values={"shares": tuple(large.values())})] if large else []
 
 
-def _refuse_faults(group: Group, noise: GroupNoise) -> None:
-    if not noise.faults:
+def _refuse_spoilt(group: Group, robot: Robot) -> None:
+    """InputError for samples of which nothing can be concluded."""
+    if not (issues := spoilt_group(group, robot)):
         return
-    first, *others = noise.faults
-    also = f"; also in {', '.join(fault.column for fault in others)}" if others else ""
-    row = row_name(group.file, int(np.argmin(np.abs(group.time - first.seconds[0][0]))))
-    raise InputError(
-        f"{first.found}{also}: {first.cause}? expected {first.expected}",
-        file=group.file,
-        place=f"row {row}, column {first.column}",
-    )
+    first = issues[0]
+    column = f"{first.signal}_{first.values['joint']}"
+    every = (f"{issue.signal}_{joint}" for issue in issues for joint in issue.joints)
+    also = tuple(name for name in every if name != column)
+    text = Fact("spoilt-samples", "wrong", columns=also, values={"issue": first}).text
+    row = row_name(group.file, first.values["stretches"][0][0] - 1)
+    raise InputError(text, file=group.file, place=f"row {row}, column {column}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +111,13 @@ class _Pooled:
             size=np.maximum(spread, inertia * np.sqrt(motion)),
             noise=np.hypot(mean([one.torque_noise for one in parts]), following),
             following_sudden=inertia * sudden_acceleration,
-            noise_only=(sudden > 0) & (sudden**2 >= THRESHOLDS.noise_only * spread**2),
+            noise_only=(sudden > 0) & (sudden**2 >= NOISE_ONLY * spread**2),
         )  # fmt: skip
 
     def refuse_positions(self) -> None:
         """InputError for a position whose noise would take more torque to follow than the joint has."""
-        most = np.maximum(self.size, THRESHOLDS.least_torque * self.spread.max())
-        for j in np.flatnonzero(self.following_sudden > THRESHOLDS.noise_torque * most):
+        most = np.maximum(self.size, LEAST_TORQUE * self.spread.max())
+        for j in np.flatnonzero(self.following_sudden > NOISE_TORQUE * most):
             worst = int(np.argmax([one.acceleration_sudden[j] for one in self.parts]))
             unit = "N" if self.robot.prismatic[j] else "Nm"
             raise InputError(
