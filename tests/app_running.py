@@ -50,6 +50,19 @@ def control(app: Application, label: str, index: int = 0) -> Any:
     return found[index]
 
 
+def off(app: Application, label: str) -> bool:
+    """Whether the control with this label cannot be used."""
+    return control(app, label).disabled
+
+
+def shown(app: Application, mark: str = "") -> str:
+    """The HTML elements of the page that are visible, of those that contain the `mark`."""
+    containers = app.page.gui._container_handle_from_uuid.values()
+    handles = [handle for one in containers for handle in one._children.values()]  # type: ignore[attr-defined]
+    found = [one.content for one in handles if isinstance(getattr(one, "content", None), str) and one.visible]
+    return "\n".join(text for text in found if mark in text and not text.startswith("<style"))
+
+
 def use(app: Application, label: str, value: Any = True, *, index: int = 0) -> None:
     """Use a control as a browser does, and let the loop act."""
     send(app, control(app, label, index), value)

@@ -26,10 +26,13 @@ from tests.app_running import (
     act,
     chart,
     command,
+    control,
+    off,
     reopen,
     running,
     send,
     settle,
+    shown,
     status,
     until,
     use,
@@ -102,7 +105,7 @@ def test_bandwidth_redraws_the_states(app: Application) -> None:
     after = chart(app, "states", "theta3")[1]
     assert len(before) != len(after) or not np.array_equal(before, after)
     assert app.store.analysis.fit.bandwidth == pytest.approx(120.0, rel=1e-3)
-    assert "120" in step(app, ObserverStep)._numbers.content
+    assert "120" in shown(app)
     use(app, "Observer type", "eso")
     assert "disturbance" in app.plots._states._charts
     use(app, "Use the observer's own bandwidth")
@@ -130,9 +133,9 @@ def test_joint_and_group_are_selected_everywhere(app: Application) -> None:
     assert app.store.joint == 1 and not np.array_equal(torque, chart(app, "signals", "torque")[1])
     app.display._clicked(0)
     app.once(0.0)
-    assert app.dock._joint.value == "joint1"
+    assert control(app, "Joint").value == "joint1"
     use(app, "Group", "g3")
-    assert app.store.group.name == "g3" and app.dock._group.value == "g3"
+    assert app.store.group.name == "g3" and control(app, "Group").value == "g3"
     use(app, "Group", "g1")
 
 
@@ -147,10 +150,10 @@ def test_steps_show_their_controls(app: Application) -> None:
 def test_roles_and_effects_are_in_the_history(app: Application) -> None:
     send(app, step(app, DataStep)._roles["g1"], "Ignore")
     send(app, step(app, DataStep)._roles["g2"], "Validate")
-    assert step(app, IdentifyStep)._run.disabled and "No group" in step(app, DataStep)._hint.content
+    assert off(app, "Run") and "No group" in shown(app, "No group")
     app.store.undo()
     app.store.undo()
-    assert step(app, DataStep)._roles["g1"].value == "Fit" and not step(app, IdentifyStep)._run.disabled
+    assert step(app, DataStep)._roles["g1"].value == "Fit" and not off(app, "Run")
     use(app, "Torque offset", True)
     assert app.store.analysis.effects == ("torque_offset",)
     app.store.undo()
@@ -259,7 +262,7 @@ def test_another_set_opens_and_a_broken_one_says_why(app: Application, folder: P
     (broken / "a.csv").write_text("time,theta_joint1\n0,1\n")
     use(app, "Measurement set", "other")
     until(app, lambda: app.store.measurements.name == "other")
-    assert step(app, DataStep)._choice.value == "other"
+    assert control(app, "Measurement set").value == "other"
     use(app, "Measurement set", "broken")
     until(app, lambda: "bad" in status(app))
     assert "a.csv" in status(app) and app.store.measurements.name == "other"
@@ -293,7 +296,7 @@ def test_disabled_controls_say_why(app: Application) -> None:
 def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Run")
-    assert app.store.runs(Identify) and step(app, IdentifyStep)._run.disabled and not app.dock._stop.disabled
+    assert app.store.runs(Identify) and off(app, "Run") and not off(app, "Stop")
     every_disabled_control_says_why(app, least=6)
     frames = app.display.playback.frames
     app.store.clock.play()
@@ -302,7 +305,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     result = app.store.analysis.identification
     assert result is not None and app.store.analysis.up_to_date
     until(app, lambda: "validation error" in status(app))
-    assert "Nm/rad" in step(app, IdentifyStep)._table.content
+    assert "Nm/rad" in shown(app, "fv-table")
     assert len(chart(app, "convergence", "cost")[0]) >= 2
     assert "residual" in app.plots._signals._charts
     until(app, lambda: app.store.motion.model_theta is not None)
@@ -314,7 +317,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     use(app, "Run")
     use(app, "Stop")
     wait(app)
-    assert not step(app, IdentifyStep)._run.disabled
+    assert not off(app, "Run")
 
 
 def test_every_effect_that_can_be_named_has_a_checkbox_and_a_hint(app: Application, folder: Path) -> None:
@@ -327,7 +330,7 @@ def test_every_effect_that_can_be_named_has_a_checkbox_and_a_hint(app: Applicati
     )
     assert "stays in" in boxes["coulomb_friction"].hint
     use(app, "Presliding hysteresis", True)
-    assert "replaces Coulomb friction" in step(app, IdentifyStep).effects._note.content
+    assert "replaces Coulomb friction" in shown(app)
     assert boxes["presliding_hysteresis"].value
     app.store.undo()
 
@@ -338,7 +341,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     sweep = step(app, ObserverStep).sweep
     assert not sweep._folder.visible and not sweep._best.visible
     use(app, "Sweep bandwidth")
-    assert app.store.runs(Sweep) and not app.dock._stop.disabled and sweep._start.disabled
+    assert app.store.runs(Sweep) and not off(app, "Stop") and sweep._start.disabled
     wait(app)
     result = sweep._result
     assert result is not None
@@ -371,9 +374,9 @@ def test_a_real_set_opens(app: Application) -> None:
 def test_the_check_names_weak_parameters_and_renews_itself(app: Application, folder: Path) -> None:
     reopen(app, folder)
     use(app, "Check")
-    until(app, lambda: "Checked with" in step(app, IdentifyStep)._check.content)
-    assert step(app, DataStep)._check.content == step(app, IdentifyStep)._check.content
-    assert app.store.analysis.identification is None and app.dock._undo.disabled
+    until(app, lambda: "Checked with" in shown(app, "Checked with"))
+    assert shown(app, "Checked with").count("Checked with") == 2  # in two steps
+    assert app.store.analysis.identification is None and off(app, "Undo")
     send(app, step(app, DataStep)._roles["g2"], "Ignore")
     until(app, lambda: step(app, IdentifyStep).check._of == app.store.analysis.settings)
     app.store.undo()
@@ -386,7 +389,7 @@ def test_a_bandwidth_for_one_joint(app: Application, folder: Path) -> None:
     use(app, "exactly", 70.0)
     width = app.store.analysis.fit.bandwidth
     assert isinstance(width, tuple) and width[1] == 70.0 and width[0] != 70.0
-    assert "Per joint" in step(app, ObserverStep)._numbers.content
+    assert "Per joint" in shown(app)
     use(app, "Only this joint", False)
     use(app, "exactly", 80.0)
     assert app.store.analysis.fit.bandwidth == 80.0

@@ -31,7 +31,7 @@ from flexviz.outlets.app.steps.deciding import DECIDE, DOWNLOAD
 from flexviz.outlets.app.steps.diagnose import DiagnoseStep
 from flexviz.outlets.app.tasks import JudgeErrors, open_fitted
 from flexviz.outlets.report import session_report
-from tests.app_running import reopen, running, send, status, until, use, wait
+from tests.app_running import control, off, reopen, running, send, shown, status, until, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET, TIED_DIAGNOSIS
 
 EFFECT = "coulomb_friction:joint2"
@@ -52,7 +52,7 @@ def one_error_everywhere(app: Application) -> None:
     said = re.search(r"validation error ([\d.]+) % of the torque, most on (joint\d): ([\d.]+) %", status(app))
     assert said, status(app)
     share = float(said[1])
-    rows = re.findall(r"<tr><td>.*?</tr>", app.plots._steps.content)
+    rows = re.findall(r"<tr><td>.*?</tr>", shown(app, "fv-stair"))
     held_out = re.findall(r">([\d.]+)</td>", rows[len(app.store.analysis.model_steps) - 1])[-1]
     assert float(held_out) == pytest.approx(share, rel=0.05)
     *_, validation = (line for line in staircase_charts(app.store.analysis.model_steps, 0, ("a", "b"),
@@ -62,7 +62,7 @@ def one_error_everywhere(app: Application) -> None:
     tile = next(tile for tile in numbers(content) if tile.label == "Error")
     assert tile.value.removesuffix(" %").split(" → ")[-1] == said[1]
     # the largest one is that of its link
-    legend = re.sub(r"<[^>]*>|◂", " ", app.legend._joints.content).split()
+    legend = re.sub(r"<[^>]*>|◂", " ", shown(app, "fv-joints")).split()
     assert legend[legend.index(said[2]) + 1] == said[3]
     # and nearly what identification alone gives: no other band, whatever the observer
     analysis = app.store.analysis
@@ -79,8 +79,8 @@ def test_the_example_opens_identified_and_wrong(app: Application) -> None:
     opened = open_fitted(sessions_dir() / DEMO)
     assert first_step(opened) == "Diagnose" and first_step(open_set(sessions_dir() / DEMO)) == "Data"
     app.store.open(opened)
-    assert app.store.joint_name == "joint2" and app.dock._undo.disabled  # nothing to undo
-    said = re.search(r"wrong by (\d+) % on joint2", diagnose_step(app)._wrong.content)
+    assert app.store.joint_name == "joint2" and off(app, "Undo")  # nothing to undo
+    said = re.search(r"wrong by (\d+) % on joint2", shown(app, "fv-wrong"))
     result, errors = app.store.analysis.identification, app.store.errors
     assert said and result is not None and errors is not None  # at once, by no idle work
     judging = JudgeErrors.of(app.store.analysis)
@@ -90,28 +90,28 @@ def test_the_example_opens_identified_and_wrong(app: Application) -> None:
     truth = identify(app.store.measurements)
     assert np.allclose(result.model.stiffness, truth.model.stiffness)
     reopen(app, sessions_dir() / DEMO)
-    assert diagnose_step(app)._wrong.content == "" and app.store.joint_name == "joint1"
+    assert shown(app, "fv-wrong") == "" and app.store.joint_name == "joint1"
 
 
 def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> None:
-    assert app.dock._undo.disabled and app.dock._redo.disabled and app.dock._stop.disabled
-    assert "Find the missing effect" in app.dock._next.content
+    assert off(app, "Undo") and off(app, "Redo") and off(app, "Stop")
+    assert "Find the missing effect" in shown(app, "fv-next")
     app.store.go("Diagnose")
     use(app, "Find the missing effect")
     assert (
         app.store.running
-        and diagnose_step(app)._find.disabled
-        and not app.dock._stop.disabled
+        and off(app, "Find the missing effect")
+        and not off(app, "Stop")
         and app.dock._bar.visible
     )
     wait(app)
     first = app.store.analysis
     assert first.identification is not None and first.diagnosis_up_to_date
-    assert diagnose_step(app)._verdict.content.find("Missing: Coulomb friction on joint2") > 0
+    assert shown(app, "fv-verdict").find("Missing: Coulomb friction on joint2") > 0
     one_error_everywhere(app)
     best = diagnose_step(app).findings[0]
-    assert best.add.visible and "coulomb 3.0" in best._text.content and "Automatica" in best._card.content
-    assert "Add and refit" in app.dock._next.content
+    assert best.add.visible and "coulomb 3.0" in shown(app, "fv-finding") and "Automatica" in shown(app)
+    assert "Add and refit" in shown(app, "fv-next")
 
     calm = app.fall._shown.content
     use(app, "Add and refit")
@@ -121,25 +121,25 @@ def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> No
     added = app.store.analysis
     assert added.effects == (EFFECT,) and added.up_to_date and added.diagnosis_up_to_date
     one_error_everywhere(app)
-    assert "Nothing is missing" in diagnose_step(app)._verdict.content and not best.add.visible
+    assert "Nothing is missing" in shown(app, "fv-verdict") and not best.add.visible
     for stair, step in zip(added.model_steps, diagnosed_demo.steps, strict=True):
         assert np.allclose(stair.step.rms, step.rms, rtol=0.02)
         assert np.allclose(stair.step.rms_validation, step.rms_validation, rtol=0.02)  # type: ignore[arg-type]
     model_steps = app.plots._compare._charts["all"]._handle.data
     assert model_steps[1][0] > 20 * model_steps[1][-1]
-    assert "Coulomb friction on joint2" in app.plots._steps.content
+    assert "Coulomb friction on joint2" in shown(app, "fv-stair")
 
     use(app, "Undo")
     assert not app.store.running  # nothing is computed again
-    assert app.store.analysis is first and "Missing:" in diagnose_step(app)._verdict.content
-    assert not app.dock._redo.disabled and "added Coulomb friction" in str(app.dock._redo.hint)
+    assert app.store.analysis is first and "Missing:" in shown(app, "fv-verdict")
+    assert not off(app, "Redo") and "added Coulomb friction" in str(control(app, "Redo").hint)
     use(app, "Redo")
-    assert app.store.analysis is added and app.dock._redo.disabled
+    assert app.store.analysis is added and off(app, "Redo")
 
     use(app, "Remove")
     wait(app)
     assert app.fall._shown.content == fallen  # once
-    assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
+    assert app.store.analysis.effects == () and "Missing:" in shown(app, "fv-verdict")
     assert len(app.store.analysis.model_steps) == 1
 
 
@@ -149,7 +149,7 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
     wait(app)
     assert app.store.analysis.effects == (EFFECT,)
     assert [step.label for step in app.store.session.past][-1] == "looked for the missing effect"
-    assert "Nothing is missing" in diagnose_step(app)._verdict.content
+    assert "Nothing is missing" in shown(app, "fv-verdict")
     result, (_, last) = app.store.analysis.identification, app.store.analysis.model_steps
     assert result is not None and last.step.model is not None and app.store.analysis.up_to_date
     # the diagnosis's own values, not fitted again
@@ -163,7 +163,7 @@ def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnos
     shares = 100 * np.divide(last.step.rms_validation, app.store.measurements.torque_spread)
     assert f"validation error {number(shares.mean(), 3)} % of the torque" in status(app)
     use(app, "Undo")
-    assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
+    assert app.store.analysis.effects == () and "Missing:" in shown(app, "fv-verdict")
 
 
 @pytest.mark.slow
@@ -172,20 +172,20 @@ def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> 
     start = app.store.analysis.with_fit(refine=False)
     both = replace(DIAGNOSIS, findings=(COULOMB, replace(COULOMB, joint="joint1"), OFFSET))
     app.store.change("looked for the missing effect", start.with_diagnosis(both))
-    step, states = diagnose_step(app), len(app.store.session.past)
-    assert "1. Coulomb friction on joints 1 and 2" in step.findings[0]._text.content
-    assert "2. Torque offset on joint1" in step.findings[1]._text.content
+    states = len(app.store.session.past)
+    assert "1. Coulomb friction on joints 1 and 2" in shown(app, "1. ")
+    assert "2. Torque offset on joint1" in shown(app, "2. ")
     use(app, "Add and refit")
     wait(app)
     assert app.store.analysis.effects == (EFFECT, "coulomb_friction:joint1") and app.store.analysis.up_to_date
     assert len(app.store.session.past) == states + 1  # one step of the history
     assert app.store.session.undoes == "added Coulomb friction on joints 1 and 2"
-    rows = [text.content for text, _ in step.model._rows if text.visible]
+    rows = shown(app, "fv-added").splitlines()
     assert len(rows) == 1 and "Coulomb friction on joints 1 and 2" in rows[0]
-    assert "1. + Coulomb friction on joints 1 and 2" in app.plots._steps.content
-    assert "joint2: coulomb " in app.plots._steps.content
+    assert "1. + Coulomb friction on joints 1 and 2" in shown(app, "fv-stair")
+    assert "joint2: coulomb " in shown(app, "fv-stair")
     use(app, "Take apart")
-    assert [text.visible for text, _ in step.model._rows[:3]] == [True, True, False]
+    assert len(shown(app, "fv-added").splitlines()) == 2
     use(app, "Remove", index=1)
     wait(app)
     assert app.store.analysis.effects == (EFFECT,)
@@ -195,21 +195,21 @@ def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> 
 
 def test_a_family_is_named_and_the_search_says_what_it_tried(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
-    start, step = app.store.analysis, diagnose_step(app)
+    start = app.store.analysis
     app.store.change("looked for the missing effect", start.with_diagnosis(TIED_DIAGNOSIS))
-    assert "these data do not tell which kind" in step._verdict.content
-    assert "1. Dry friction on joint2; these data" in step.findings[0]._text.content
-    assert "Dry friction on joint2 added" in step._tried.content
+    assert "these data do not tell which kind" in shown(app, "fv-verdict")
+    assert "1. Dry friction on joint2; these data" in shown(app, "1. ")
+    assert "Dry friction on joint2 added" in shown(app, "Why these effects")
     added = app.store.analysis.with_effects([EFFECT])
     app.store.change(
         "added", added.with_diagnosis(replace(DIAGNOSIS, verdict="nothing-missing", findings=()))
     )
-    assert not step._tried.content
-    rows = [text.content for text, _ in step.model._rows if text.visible]
+    assert not shown(app, "Why these effects")
+    rows = shown(app, "fv-added").splitlines()
     assert len(rows) == 1 and "+ Dry friction on joint2" in rows[0]
-    assert "1. + Dry friction on joint2" in app.plots._steps.content
+    assert "1. + Dry friction on joint2" in shown(app, "fv-stair")
     use(app, "Undo")
-    assert "Dry friction on joint2 added" in step._tried.content
+    assert "Dry friction on joint2 added" in shown(app, "Why these effects")
 
 
 def test_a_stopped_search_changes_nothing(app: Application) -> None:
@@ -218,7 +218,7 @@ def test_a_stopped_search_changes_nothing(app: Application) -> None:
     use(app, "Stop")
     wait(app)
     assert app.store.analysis.diagnosis is None and "stopped" in status(app)
-    assert not diagnose_step(app)._find.disabled and app.dock._undo.disabled
+    assert not off(app, "Find the missing effect") and off(app, "Undo")
 
 
 def test_a_second_stop_ends_at_once_but_a_double_click_does_not(
@@ -242,7 +242,7 @@ def test_a_second_stop_ends_at_once_but_a_double_click_does_not(
     use(app, "Stop")
     assert graces == [math.inf, 0.0]
     wait(app)
-    assert app.store.analysis.diagnosis is None and not diagnose_step(app)._find.disabled
+    assert app.store.analysis.diagnosis is None and not off(app, "Find the missing effect")
 
 
 def test_a_tie_offers_the_motion_that_decides(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -303,30 +303,26 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(app: Application, tmp_
         free_curve=curve, model=result.model, notes=(),
     )  # fmt: skip
     app.store.change("looked for the missing effect", start.with_diagnosis(unknown))
-    before, shown = app.store.analysis, diagnose_step(app)
-    assert shown._add_curve.visible
+    before = app.store.analysis
+    assert control(app, "Add the free curve").visible
     use(app, "Add the free curve")
     wait(app)
     added = app.store.analysis
     (text,) = added.effects
     assert text in ("free_curve_velocity:joint2", "free_link_curve_velocity:joint2")
-    assert added.up_to_date and added.diagnosis_up_to_date and not shown._add_curve.visible
+    assert added.up_to_date and added.diagnosis_up_to_date and not control(app, "Add the free curve").visible
     one_error_everywhere(app)
     first, last = (one.step.rms_validation for one in added.model_steps)
     assert first and last and last[1] < 0.2 * first[1]
     assert "(not physics) on joint2" in app.store.session.undoes
-    assert (
-        app.plots._steps.content.count("fv-stair hatched") == 1
-        and "(not physics)" in app.plots._steps.content
-    )
+    assert shown(app, "fv-stair").count("fv-stair hatched") == 1 and "(not physics)" in shown(app, "fv-stair")
     charts = staircase_charts(added.model_steps, 1, measurements.joints, measurements.torque_spread)
     assert all(chart.series[0].label == "hatched: not physics" for chart in charts)
     hatch = charts[0].series[0]
     inside = hatch.x > 0.5
     assert np.ptp(np.log(hatch.y[inside])) > 0 and len(np.unique(hatch.y[hatch.x < 0.5])) == 1
 
-    tables = app.page.gui._gui_input_handle_from_uuid  # the nodes are charts, not rows
-    assert not any("forward 1" in str(getattr(handle, "content", "")) for handle in tables.values())
+    assert "forward 1" not in shown(app)  # the nodes are charts, not rows
     (curve_chart,) = model_curve_charts(added.identification.parameters)  # type: ignore[union-attr]
     assert curve_chart.title.startswith("In the model: Free curve of velocity")
     page = re.sub("</?abbr[^>]*>", "", session_report(app.store.session, measurements))
@@ -339,4 +335,4 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(app: Application, tmp_
     assert again.effects == added.effects and again.identification is not None
     assert again.identification.model.effects == added.identification.model.effects  # type: ignore[union-attr]
     use(app, "Undo")
-    assert app.store.analysis is before and shown._add_curve.visible
+    assert app.store.analysis is before and control(app, "Add the free curve").visible
