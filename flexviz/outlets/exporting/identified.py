@@ -256,8 +256,8 @@ def identified_robot(
     loose = [p for p in document.all_parameters if p.name == f"{GAIN}.gain" and p.identifiable == "no"]
     if loose:
         warnings.append(
-            f"Scale of {', '.join(str(p.joint) for p in loose)} not determined: torques, inertia and gain are "
-            "known in ratio to each other only."
+            f"Scale of {', '.join(str(p.joint) for p in loose)} not determined: torques, inertia and gain "
+            "are known in ratio to each other only."
         )
     found = replace(found, remarks=tuple(warnings))
     assert goals or found.laws  # checks the values, whatever the format
