@@ -55,7 +55,7 @@ def test_every_outlet_states_the_same(name: str, tmp_path: Path) -> None:
 IMPORTED = {  # what is said of a set that was imported all the same
     "16-torque-clipped": "saturated; these rows are left out of fits",
     "19-torque-without-sign": "it is never negative, as if it had lost its sign",
-    "20-reference-logged-as-position": "has next to no noise (1.1e−8 rad, less than any encoder's",
+    "20-reference-logged-as-position": "8 rad, less than any encoder's counts leave), but the torque has",
 }
 
 

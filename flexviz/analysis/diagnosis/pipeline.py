@@ -40,10 +40,8 @@ from flexviz.analysis.identification import (
     by_free_motion,
     fit_settings,
     link_side_checks,
+    of_samples,
     parameter_estimates,
-    saturated_torques,
-    torques_without_signal,
-    unmeasured_angles,
 )
 from flexviz.base.facts import Fact
 from flexviz.base.parallel import existing_objects_kept, stopped_by
@@ -241,14 +239,12 @@ class _Description:
         """What holds of the data whatever was found."""
         if drowned := self.drowned(shown):
             yield Fact("drowned", "wrong", tuple(drowned))
-        yield from torques_without_signal(self.course.measurements)
+        yield from of_samples(self.course.measurements)
         if self.end.changing is not None:
             yield self.end.changing.fact
         segments = [s for g in self.course.measurements.fit_groups for s in g.segments]
         if (hertz := filtered_before_writing(segments).hertz) is not None:
             yield Fact("filtered", "odd", values={"hertz": hertz})
-        yield from saturated_torques(self.course.measurements)
-        yield from unmeasured_angles(self.course.measurements)
         if (phase := self.course.view.context.first_phase).any():
             yield standstill(self.course.own.joints, phase)
 

@@ -5,9 +5,7 @@ from flexviz.analysis.identification.by_free_motion import by_free_motion
 from flexviz.analysis.identification.estimator import Estimate, Estimator
 from flexviz.analysis.identification.link_side_check import link_side_checks
 from flexviz.analysis.identification.messages import (
-    saturated_torques,
-    torques_without_signal,
-    unmeasured_angles,
+    of_samples,
 )
 from flexviz.analysis.identification.pipeline import identify
 from flexviz.analysis.identification.plots import IdentificationPlots, laws_figure
@@ -36,9 +34,7 @@ __all__ = [
     "identify",
     "laws_figure",
     "link_side_checks",
+    "of_samples",
     "parameter_estimates",
-    "saturated_torques",
     "sweep",
-    "torques_without_signal",
-    "unmeasured_angles",
 ]

@@ -34,6 +34,13 @@ def groups_not_used(result: Identification, groups: Sequence[Group]) -> Iterator
         yield Fact("groups-not-used", "odd", groups=names)
 
 
+def of_samples(measurements: MeasurementSet) -> Iterator[Fact]:
+    """Torques that are no signal, or stand at a limit; angles that no sensor has measured."""
+    yield from torques_without_signal(measurements)
+    yield from saturated_torques(measurements)
+    yield from unmeasured_angles(measurements)
+
+
 def torques_without_signal(measurements: MeasurementSet) -> Iterator[Fact]:
     """Joints whose torque is no signal: its few levels, or the share of it that the motion explains."""
     if found := silent_joints(measurements):

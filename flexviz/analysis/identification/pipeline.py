@@ -27,9 +27,7 @@ from flexviz.analysis.identification.link_side_check import link_side_checks
 from flexviz.analysis.identification.messages import (
     groups_not_used,
     holds_used,
-    saturated_torques,
-    torques_without_signal,
-    unmeasured_angles,
+    of_samples,
 )
 from flexviz.analysis.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.analysis.identification.plots import remember
@@ -107,11 +105,8 @@ def identify(
         result = _result(measurements, fitted, plain, outcome, known, report)
     result = replace(result, residual=_with_noise_share(result.residual, noise))
     more = *groups_not_used(result, (*fitted, *held_out)), *holds_used(plain, result.model)
-    facts = (
-        *result.facts, *more, *torques_without_signal(measurements), *saturated_torques(measurements),
-        *unmeasured_angles(measurements),
-    )  # fmt: skip
-    result = replace(result, facts=facts, recording=recording_entries(measurements))
+    result = replace(result, facts=(*result.facts, *more, *of_samples(measurements)))
+    result = replace(result, recording=recording_entries(measurements))
     return remember(replace(result, seconds=time.perf_counter() - began), measurements)
 
 

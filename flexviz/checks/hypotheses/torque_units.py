@@ -10,6 +10,7 @@ import numpy as np
 
 from flexviz.base.arrays import Array
 from flexviz.checks.faults import Case, Fault, hypothesis
+from flexviz.checks.joint_fit import SMALLEST_SCALE
 from flexviz.checks.reading import Reading
 from flexviz.checks.thresholds import LIMITS
 from flexviz.data.logs import CURRENT, ColumnChange, Mapping, change_of, conversions
@@ -39,6 +40,8 @@ def torque_units(case: Case) -> Iterator[Fault]:
                 yield Fault(
                     "size", joints, "tau", resized(by), label, sum(fixes, ()), prior=prior, values=values
                 )
+        if any(slopes[j] <= SMALLEST_SCALE for j in joints):
+            continue  # nothing of τ is the masses': it has no size
         # the mean of their slopes
         factor = float(np.exp(np.mean(np.log(slopes[list(joints)]))))
         unknown = float(np.log(LIMITS.mass_spread / LIMITS.unit_spread))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexviz.base.errors import InputError
-from flexviz.base.spelling import number
+from flexviz.base.facts import Fact
 from flexviz.data.importing.goal_units import known_units
 from flexviz.data.logs import AssembledGroup, Mapping, Proposal, followed, joint_parts
 from flexviz.data.measurements import FARTHEST, LEAST_GOALS, Array
@@ -25,8 +25,13 @@ class GoalFault:
 
     log: str
     column: str
-    message: str  # found, expected, remedy
+    fact: Fact
     proposals: tuple[Proposal, ...] = ()
+
+    @property
+    def message(self) -> str:
+        """Found, expected, remedy."""
+        return self.fact.text
 
     def error(self) -> InputError:
         """The fault, as it is refused."""
@@ -46,11 +51,8 @@ def constant_goals(mapping: Mapping, groups: Sequence[AssembledGroup]) -> list[G
     for j, (joint, entry) in enumerate(mapping.joints.items()):
         goals = [g.table.theta_ref[:, j] for g in groups if g.table.theta_ref is not None]
         if entry.theta_ref is not None and all(len(np.unique(goal)) < LEAST_GOALS for goal in goals):
-            message = (
-                f"found {number(float(goals[0][0]), 4)} throughout, expected goals that change: nothing is "
-            )
-            message += f"learned of a servo that stands still; leave out [joints.{joint}]"
-            found.append(GoalFault(groups[0].entry.label, entry.theta_ref.column, message))
+            stands = Fact("goal-stands", "wrong", (joint,), values={"at": float(goals[0][0])})
+            found.append(GoalFault(groups[0].entry.label, entry.theta_ref.column, stands))
     return found
 
 
@@ -62,8 +64,9 @@ def goal_fault(mapping: Mapping, robot: Robot, j: int, groups: Sequence[Assemble
     unit = "m" if robot.prismatic[j] else "rad"
     pairs = [(g.table.theta[:, j], g.table.theta_ref[:, j]) for g in groups if g.table.theta_ref is not None]
 
-    def fault(k: int, message: str, *proposals: Proposal) -> GoalFault:
-        return GoalFault(groups[k].entry.label, signal.column, message, proposals)
+    def fault(k: int, fact: Fact, *proposals: Proposal) -> GoalFault:
+        fact = replace(fact, severity="wrong", joints=(joint,), values={**fact.values, "unit": unit})
+        return GoalFault(groups[k].entry.label, signal.column, fact, proposals)
 
     share, slope = followed(joint_parts([group.table for group in groups], j, "theta_ref"))
     if slope is None:
@@ -73,19 +76,17 @@ def goal_fault(mapping: Mapping, robot: Robot, j: int, groups: Sequence[Assemble
     k = int(np.argmax(away))
     if slope < 0 and share > FOLLOWS:
         key = Proposal(("joints", joint, "theta_ref"), "sign", -signal.sign)
-        return fault(k, "turns the other way than the position, expected the same", key)
+        return fault(k, Fact("goal-turned"), key)
     if share > FOLLOWS and not 1 / SAME_UNIT < slope < SAME_UNIT:
-        found = f"moves {number(slope, 3)} times as far as the position"
         proposals = unit_of(mapping, robot, j, pairs, slope)
-        return fault(k, f"{found}, expected the goal in the unit of the position, [{unit}]", *proposals)
+        return fault(k, Fact("goal-unit", values={"times": slope}), *proposals)
     if away[k] <= FARTHEST:
         return None
-    found = f"is {number(away[k], 3)} {unit} away from the position, in the median"
     if share <= FOLLOWS:
-        return fault(k, f"{found}, and does not move with it, expected the goal of {joint}")
+        return fault(k, Fact("goal-of-another", values={"away": away[k]}))
     offset = round(signal.offset - float(np.median(np.concatenate(ahead))), 6)
     key = Proposal(("joints", joint, "theta_ref"), "offset", offset)
-    return fault(k, f"{found}, expected the same zero for both", key)
+    return fault(k, Fact("goal-zero", values={"away": away[k]}), key)
 
 
 def unit_of(

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.base import toml
 from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.checks import Issue
 from flexviz.data.importing.correcting import correct
 from flexviz.data.importing.draft import Draft, DraftJoint, Questions
+from flexviz.data.importing.drafting_goals import alike_servos, goals_drive, leave_out_constant
 from flexviz.data.importing.ready_mappings import Recognised, recognised
 from flexviz.data.importing.torque_meaning import ask_for_meaning
 from flexviz.data.logs import (
@@ -38,9 +38,8 @@ from flexviz.data.logs import (
     likely_clocks,
     open_run,
     reason_of,
-    words,
 )
-from flexviz.data.measurements import LEAST_GOALS, Array, read_robot
+from flexviz.data.measurements import Array, read_robot
 from flexviz.robot.mounting import GRAVITY
 from flexviz.robot.robot import Robot
 
@@ -265,27 +264,6 @@ def choose_roles(
     return roles
 
 
-def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bool:
-    """Whether goals stand in for the torque: there is none, or a register that is none.
-
-    That is a current without a sign, or a load without a unit; it is left out of `roles`.
-    """
-    if "theta_ref" not in roles:
-        return False
-    torque = roles.get("tau")
-    if torque is not None:
-        signed = any(np.nanmin(log.columns[c].columns[c]) < 0 for c in torque.columns.values())
-        current = torque.meaning.quantity == "current"
-        load = "load" in words(torque.name) and torque.meaning.unit is None and "unit" not in torque.stated
-        if not load and (not current or signed or torque.stated.get("sign_bit") is not None):
-            return False
-        kind = "unsigned-current" if current else "load-register"
-        seen.append(f"  {Fact(kind, columns=(torque.name,))}")
-        del roles["tau"]
-    seen.append(f"  {Fact('goals-drive', columns=(roles['theta_ref'].name,))}")
-    return True
-
-
 def fill_joints(
     draft: Draft, roles: dict[str, ColumnFamily], robot: Robot, own_times: dict[str, str], log: Log
 ) -> None:
@@ -322,43 +300,6 @@ def fill_joints(
         draft.missing.append(f"no joint has {' and '.join(TITLES[name] for name in draft.needed)}")
 
 
-def leave_out_constant(
-    draft: Draft, sources: Sequence[LogSource], logs: Sequence[Log], options: ReadOptions
-) -> None:
-    """Leave out the joints whose goal is the same in all logs: nothing is learned of their servos."""
-
-    def changes(log: Log, joint: str, name: str = "theta_ref") -> bool:
-        column = draft.joints[joint].signals[name]["from"]
-        values = log.columns[column].columns[column]
-        return len(np.unique(values[np.isfinite(values)])) >= LEAST_GOALS
-
-    still = [joint for joint in draft.joints if not any(changes(log, joint) for log in logs)]
-    for source in sources[len(logs) :] if still else ():
-        log = open_run(source, options)
-        still = [joint for joint in still if not changes(log, joint)]
-    for joint in still if len(still) < len(draft.joints) else ():
-        goal, theta = (draft.joints[joint].signals[name]["from"] for name in ("theta_ref", "theta"))
-        stands = float(np.nanmedian(logs[0].columns[theta].columns[theta]))
-        draft.leave_out(
-            joint, Fact("constant-goal", "odd", (joint,), columns=(goal,), values={"at": stands}).text
-        )
-
-
-def alike_servos(joints: Sequence[str], robot: Robot) -> list[str]:
-    """The key for joints of one effort limit, as comments: their servos may be of one type."""
-    by_effort: dict[float, list[str]] = {}
-    for joint in joints:
-        by_effort.setdefault(float(robot.effort_limit[robot.joints.index(joint)]), []).append(joint)
-    groups = {x: group for x, group in by_effort.items() if len(group) > 1 and 0.0 < x < np.inf}
-    if not groups:
-        return ['# same = [["…", "…"]]  # joints with one type of servo'] if len(joints) > 1 else []
-    efforts = tuple(groups)
-    return [
-        f"# {Fact('alike-servos', values={'efforts': efforts})}",
-        f"# same = {toml.value_text(list(groups.values()))}",
-    ]
-
-
 def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Questions) -> None:
     """Ask for torque constants of currents: never guessed, because they set the scale of every result."""
     if "tau" not in roles or roles["tau"].meaning.quantity != "current":
@@ -368,7 +309,7 @@ def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Quest
     constants = asked.numbers(question, len(joints))
     gears = asked.numbers("gear ratio", len(joints), signed=True) if constants else None
     if constants is None:
-        other = ', or [drive] from = "goal" to use theta_ref instead' if "theta_ref" in roles else ""
+        other = f", {Fact('goals-instead')}" if "theta_ref" in roles else ""
         draft.missing.append(
             f"torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet){other}"
         )

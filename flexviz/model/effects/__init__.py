@@ -17,7 +17,7 @@ from flexviz.model.effects.names import (
 )
 from flexviz.model.effects.registry import EFFECTS
 from flexviz.model.effects.selection import ChosenEffect, choose_effects, everywhere, named_effect
-from flexviz.model.effects.targets import LeftOut, ServoTargets, Written
+from flexviz.model.effects.targets import STEPPED, LeftOut, ServoTargets, Written
 from flexviz.model.effects.terms import (
     SIGN_VELOCITY,
     Context,
@@ -42,6 +42,7 @@ __all__ = [
     "FREE_CURVE_DIRECTIONS",
     "GOAL_EFFECT_NAMES",
     "SIGN_VELOCITY",
+    "STEPPED",
     "ChosenEffect",
     "Context",
     "CurveForm",

@@ -27,12 +27,15 @@ ServoTargets = Mapping[str, Written | LeftOut]
 """Format of a servo's export -> what it makes of an effect."""
 
 NO_CONTROLLER = "a URDF has no controllers"
+NO_LAW = "a BAM servo has no such law"
 OWN_VELOCITY = "friction of a URDF joint is dry and viscous only"
 STEPPED = "the Python file next to the model adds it in every step"  # of MuJoCo
 
 
-def not_held(remedy: str, *, isaac: str, bam: str = "BAM's servos follow the goal itself") -> ServoTargets:
+def not_held(remedy: str, *, isaac: str, bam: str = "") -> ServoTargets:
     """Of a part of the servo's law that only MuJoCo has."""
     return {
-        "isaac": LeftOut(isaac, remedy), "bam": LeftOut(bam, remedy), "urdf": LeftOut(NO_CONTROLLER, remedy)
-    }  # fmt: skip
+        "isaac": LeftOut(isaac, remedy),
+        "bam": LeftOut(bam or NO_LAW, remedy),
+        "urdf": LeftOut(NO_CONTROLLER, remedy),
+    }

@@ -15,6 +15,7 @@ from flexviz.robot.robot import Robot
 
 BAND, ORDER = 8.0, 5  # [Hz] to which measured motion is smoothed for its accelerations
 STRETCH, WARM_UP = 5.0, 1.0  # [s] simulated from a measured state; before that, what does not count
+BEFORE = 0.5  # [s] of goals before a stretch, which a servo may still follow
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class DrivenMotion:
     Attributes:
         step: (C,) [s].
         scale: (C,) of the servos' gain in that run.
+        before: (L, n, C) goals of the samples before it [rad].
         goal, theta: (T, n, C) [rad].
         rest: torque of the masses but for the joint's own acceleration, at the measured motion [Nm].
         slope: of that torque, by the joint's own angle [Nm/rad].
@@ -37,6 +39,7 @@ class DrivenMotion:
 
     step: Array
     scale: Array
+    before: Array
     goal: Array
     theta: Array
     rest: Array
@@ -83,15 +86,18 @@ def driven_motion(
     n, C = robot.n, len(pieces)
     out = {k: np.zeros((T, n, C)) for k in ("goal", "theta", "rest", "slope", "own", "load")}
     used, speed = np.zeros((T, n, C), bool), np.zeros((n, C))
+    ahead = round(BEFORE / min(step for _, step, *_ in pieces))
+    before = np.empty((ahead, n, C))
     for c, (_, _, a, b, warm, wanted, theta, (rest, slope, own, load, v)) in enumerate(pieces):
         for name, signal in zip(out, (wanted, theta, rest, slope, own, load), strict=True):
             out[name][: b - a, :, c] = signal[a:b]
             out[name][b - a :, :, c] = signal[b - 1]
         used[warm : b - a, :, c] = True
         speed[:, c] = v[a]
+        before[:, :, c] = wanted[np.maximum(np.arange(a - ahead, a), 0)]
     return DrivenMotion(
         np.array([p[1] for p in pieces]),
-        np.array([groups[p[0]].kp_scale for p in pieces]), **out, speed=speed, used=used,
+        np.array([groups[p[0]].kp_scale for p in pieces]), before, **out, speed=speed, used=used,
         group=np.array([p[0] for p in pieces]), first=np.array([p[2] for p in pieces]),
     )  # fmt: skip
 

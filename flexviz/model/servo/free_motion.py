@@ -49,7 +49,7 @@ class _Integration:
         self.limited, self.banded = "torque_limit.limit" in self.used, "dead_band.half_width" in self.used
         self.drag = "quadratic_friction.quadratic" in self.used
         self.mass = p["motor_inertia"] + 0.5 * self.dt * p["motor_viscous_friction"]
-        self.goals = _Goals(motion, p, self.used, self.dt, full)
+        self.goals = _Goals(motion, p, self.used, self.dt, self.sub, full)
         theta = 0.5 * (motion.theta[1:] + motion.theta[:-1])
         self.away = 0.5 * (motion.rest[1:] + motion.rest[:-1]) - motion.slope[:-1] * theta
         self.load = 0.5 * (motion.load[1:] + motion.load[:-1])
@@ -148,37 +148,60 @@ class _Goals:
     """The goals as the servos see them."""
 
     def __init__(
-        self, motion: DrivenMotion, p: dict[str, Array], used: set[str], dt: Array | float, full: Array
+        self,
+        motion: DrivenMotion,
+        p: dict[str, Array],
+        used: set[str],
+        dt: Array | float,
+        steps: int,
+        full: Array,
     ) -> None:
-        self.goal, (_, n, C) = motion.goal, motion.goal.shape
         self.late = "goal_delay.delay" in used
         self.follows = not used.isdisjoint(("goal_lag.time_constant", "goal_speed_limit.speed"))
+        self.first, n, C = motion.before.shape
+        self.goal = motion.goal
+        if self.late or self.follows:  # the goals before a stretch act in it
+            self.goal = np.concatenate((motion.before, motion.goal))
+        else:
+            self.first = 0
         self.rows, self.columns = np.arange(n)[:, None], np.arange(C)
         delay = p["goal_delay.delay"] / motion.step  # (V, n, C) samples
         self.whole = np.floor(delay).astype(int)
         self.part = delay - self.whole
-        self.share = 1.0 - np.exp(-dt / np.maximum(p["goal_lag.time_constant"], 1e-9)) + full
-        self.reach = p["goal_speed_limit.speed"] * dt + full
-        self.ahead, self.now, self.half = np.empty_like(full), full, np.zeros_like(full)
+        self.share = 1.0 - np.exp(-0.5 * dt / np.maximum(p["goal_lag.time_constant"], 1e-9)) + full
+        self.reach = p["goal_speed_limit.speed"] * (0.5 * dt) + full
+        self.ahead, self.now, self.way = np.empty_like(full), full, np.empty_like(full)
+        self.within = False
+        np.copyto(self.ahead, self.goal[0])
+        for i in range(-self.first, 0) if self.follows else ():
+            self.next(i)
+            for _ in range(steps):
+                self.middle()
 
     def next(self, i: int) -> None:
         """Sample i arrives."""
+        i += self.first
         now = self.goal[i]
         if self.late:
             at, before = np.maximum(i - self.whole, 0), np.maximum(i - self.whole - 1, 0)
             now = self.goal[at, self.rows, self.columns]
             now += self.part * (self.goal[before, self.rows, self.columns] - now)
-        self.now = now
-        if i == 0 or not self.follows:
+        if self.follows and self.within:
+            self.half_a_step()
+        self.now, self.within = now, False
+        if not self.follows:
             np.copyto(self.ahead, now)
 
     def middle(self) -> Array:
         """(V, n, C) [rad] in the middle of a step."""
-        if self.follows:
-            self.ahead += self.half  # the rest of the step before
-            np.subtract(self.now, self.ahead, out=self.half)
-            self.half *= self.share
-            np.clip(self.half, -self.reach, self.reach, out=self.half)
-            self.half *= 0.5
-            self.ahead += self.half
+        for _ in range((1 + self.within) * self.follows):
+            self.half_a_step()
+        self.within = True
         return self.ahead
+
+    def half_a_step(self) -> None:
+        """Follow the goal through the low-pass, no faster than the limit."""
+        np.subtract(self.now, self.ahead, out=self.way)
+        self.way *= self.share
+        np.clip(self.way, -self.reach, self.reach, out=self.way)
+        self.ahead += self.way

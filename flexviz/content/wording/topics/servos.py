@@ -101,3 +101,50 @@ def goals_drive(fact: Fact) -> str:
 def unit_by_limits(fact: Fact) -> str:
     """How the unit of angles without a torque was found."""
     return "the unit in which the joints stay within their limits and one encoder's count is like another's"
+
+
+@says("goals-instead")
+def goals_instead(fact: Fact) -> str:
+    """What else may be done with a current whose constant is not known."""
+    return 'or [drive] from = "goal" to use theta_ref instead'
+
+
+@says("goal-stands")
+def goal_stands(fact: Fact) -> str:
+    """A goal that never changes."""
+    return (
+        f"found {number(fact.values['at'], 4)} throughout, expected goals that change: nothing is learned "
+        f"of a servo that stands still; leave out [joints.{fact.joints[0]}]"
+    )
+
+
+@says("goal-turned")
+def goal_turned(fact: Fact) -> str:
+    """A goal of the other sign."""
+    return "turns the other way than the position, expected the same"
+
+
+@says("goal-unit")
+def goal_unit(fact: Fact) -> str:
+    """A goal in another unit."""
+    times, unit = number(fact.values["times"], 3), fact.values["unit"]
+    return (
+        f"moves {times} times as far as the position, expected the goal in the unit of the position, [{unit}]"
+    )
+
+
+@says("goal-of-another")
+def goal_of_another(fact: Fact) -> str:
+    """A goal that the joint does not follow."""
+    return f"{_away(fact)}, and does not move with it, expected the goal of {fact.joints[0]}"
+
+
+@says("goal-zero")
+def goal_zero(fact: Fact) -> str:
+    """A goal that is measured from another zero."""
+    return f"{_away(fact)}, expected the same zero for both"
+
+
+def _away(fact: Fact) -> str:
+    away, unit = number(fact.values["away"], 3), fact.values["unit"]
+    return f"is {away} {unit} away from the position, in the median"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexviz.model.effects.targets import STEPPED
+from flexviz.model.effects import STEPPED
 from flexviz.outlets.exporting.identified import IdentifiedRobot
 from flexviz.outlets.exporting.servo_values import ServoJoint
 
