@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ def motion(goal: np.ndarray, inertia: float = 0.03, load: float = 0.0) -> Driven
     shape = (len(goal), 1, 1)
     zero = np.zeros(shape)
     return DrivenMotion(
-        np.array([STEP]), np.ones(1), goal.reshape(shape), zero, zero + load, zero, zero + inertia,
+        np.array([STEP]), np.ones(1), zero[:1], goal.reshape(shape), zero, zero + load, zero, zero + inertia,
         zero + load, np.zeros((1, 1)), np.ones(shape, bool), np.zeros(1, int), np.zeros(1, int),
     )  # fmt: skip
 
@@ -107,3 +109,30 @@ def test_variants_do_not_see_each_other() -> None:
     together = free_motion(given, values, 0.05)
     alone = free_motion(given, values[:, 1:2], 0.05)
     assert together[1] == pytest.approx(alone[0], abs=5e-4)  # steps are those of the stiffest of a batch
+
+
+@pytest.mark.parametrize("name, value", [("goal_lag.time_constant", 0.05), ("goal_speed_limit.speed", 0.5)])
+def test_a_joint_without_the_law_is_not_changed_by_another_ones(name: str, value: float) -> None:
+    given, values = motion(np.sin(TIME)), np.repeat(absent(1)[:, None], 2, axis=1)
+    values[INDEX["gain"]], values[INDEX["motor_inertia"]], values[INDEX["motor_viscous_friction"]] = (
+        12,
+        0.02,
+        0.4,
+    )
+    values[INDEX[name], 1] = value
+    together, alone = free_motion(given, values, 0.05)[0], free_motion(given, values[:, :1], 0.05)[0]
+    assert together == pytest.approx(alone, abs=1e-12)
+
+
+def test_goals_before_a_stretch_act_in_it() -> None:
+    """A ramp that began long before: the low-pass is a time constant late from the first instant."""
+    slope, late = 1.0, 0.08
+    ahead = np.arange(-200, 0) * STEP * slope
+    given = replace(motion(slope * TIME), before=ahead.reshape(-1, 1, 1), speed=np.full((1, 1), slope))
+    with_lag = angles(given, **{"goal_lag.time_constant": late, "gain": 500.0})
+    delayed = angles(given, **{"goal_delay.delay": late, "gain": 500.0})
+    steady = slope * TIME - 0.4 * slope / 500.0 - slope * late  # viscous friction holds it back
+    # the joint itself begins at zero, not where the goals have led it: it swings there
+    tail = TIME > 1.0
+    assert with_lag[tail] == pytest.approx(steady[tail] - 0.5 * STEP * slope, abs=2e-3)
+    assert with_lag[:50] == pytest.approx(delayed[:50], abs=3e-3)

@@ -149,7 +149,7 @@ class Draft:
         tables = ("time", "payloads", "logs", "joints")
         lines += toml.dumps({key: document[key] for key in document if key not in tables}).splitlines()
         if self.drive:
-            lines += ["# kp = […]  # Nm/rad, where it is known", *self.alike]
+            lines += ["# kp = […]  # Nm/rad, if known", *self.alike]
         if model := self.proposed("model"):
             lines += ["", "# [model]", *model]
         lines += ["", *self.proposed(), *(f"# {line}" for line in self.seen)]

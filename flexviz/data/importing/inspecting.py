@@ -50,7 +50,7 @@ TITLES = {
     "tau": "the motor torque τ (or the current)",
     "q": "the link position q (for comparison only)",
     "tau_joint": "the joint torque sensor (for comparison only)",
-    "theta_ref": "the reference of θ, its goal (drives the joints where there is no torque)",
+    "theta_ref": "the goal (reference) of θ",
 }
 STUBS = {  # what else its line may need
     "theta": 'unit = "deg" if not rad; from before the gear: side = "motor", and gear = its ratio',
