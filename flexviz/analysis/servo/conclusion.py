@@ -10,7 +10,6 @@ from flexviz.analysis.servo.problem import ServoProblem
 from flexviz.base.search import Gain, Search
 from flexviz.content.records import Tie
 from flexviz.model.effects import EFFECTS, ChosenEffect
-from flexviz.model.servo import RIVALS
 
 CLOSER = 0.9  # of a deviation, below which another search may find what it has hidden
 
@@ -66,13 +65,8 @@ def needs(problem: ServoProblem, model: ServoModel) -> dict[ChosenEffect, Gain]:
 def tied(problem: ServoProblem, model: ServoModel, key: ChosenEffect) -> list[Tie]:
     """Effects that explain the motion as well as one of a model in its place."""
     owner = int(problem.data.owner[key.joint])
-    own = problem.own(model.keys, owner)
-    rivals = next(names for names in RIVALS if key.effect in names)
-    others = [
-        one for one in problem.candidates(model, owner)
-        if one.effect in rivals and EFFECTS[one.effect].beside != key.effect
-    ]  # fmt: skip
-    asked = [(owner, (own - {key}) | {one}, model.states[owner].values) for one in others]
+    others = [one for one in problem.rivals(model, owner, key) if EFFECTS[one.effect].beside != key.effect]
+    asked = [problem.in_place(model, owner, key, one) for one in others]
     fresh = [one for one in asked if one[:2] not in problem.known]
     problem.fitted(problem.placed(model, fresh), REFINED)
     out, mine = [], problem.data.owner == owner

@@ -17,6 +17,7 @@ from flexviz.data.measurements import MeasurementSet
 from flexviz.data.noise import segments_noise
 from flexviz.model.effects import ChosenEffect
 from flexviz.model.servo import (
+    ABSENT,
     CENTER,
     INDEX,
     NAMES,
@@ -167,6 +168,8 @@ class ServoFits:
         for key in added:
             for k in of_effect(key.effect):
                 joints, tried = self.joints(key, k), PARAMETERS[k].tried
+                if np.any(values[k, joints] != ABSENT[k]):
+                    continue
                 out[k, joints] = self.first(k, joints, values, tried[which % len(tried)])
         return out
 

@@ -11,7 +11,7 @@ from flexviz.analysis.servo.fits import REFINED, Asked, Keys, ServoFits, ServoMo
 from flexviz.base.arrays import Bools
 from flexviz.base.search import Gain, gain
 from flexviz.model.effects import EFFECTS, ChosenEffect
-from flexviz.model.servo import RIVALS, SERVO_EFFECTS, SHARED, of_effect
+from flexviz.model.servo import SERVO_EFFECTS, SHARED, load_dependent, of_effect, rivals_of
 
 STEPS = 12  # of a fit from rough values
 TRIED = 3  # steps of every candidate
@@ -60,11 +60,11 @@ class ServoProblem(ServoFits):
         self.fitted([(o, self.own(self.given, o), fit.values) for o in owners], TRIED)
         return self.model(self.given)
 
-    def candidates(self, model: ServoModel, owner: int) -> list[ChosenEffect]:
-        """Effects that a servo may have besides."""
+    def candidates(self, own: Keys, owner: int) -> list[ChosenEffect]:
+        """Effects that a servo may have besides its `own`."""
         joints = np.flatnonzero(self.data.owner == owner)
         out = []
-        names = {k.effect for k in self.own(model.keys, owner)}
+        names = {k.effect for k in own}
         for effect in SERVO_EFFECTS:
             law = EFFECTS[effect]
             if effect in names or any(EFFECTS[name].replaces == effect for name in names):
@@ -79,8 +79,8 @@ class ServoProblem(ServoFits):
         """Models with one effect more, and the servo to which it belongs."""
         asked: list[Asked] = []
         for owner, state in model.states.items():
-            for key in self.candidates(model, owner):
-                own = self.own(model.keys, owner)
+            own = self.own(model.keys, owner)
+            for key in self.candidates(own, owner):
                 left = frozenset(k for k in own if EFFECTS[key.effect].replaces != k.effect)
                 asked.append((owner, left | {key}, state.values))
         return self.tried(model, asked)
@@ -88,14 +88,23 @@ class ServoProblem(ServoFits):
     def exchanged(self, model: ServoModel) -> list[tuple[Hashable, ServoModel]]:
         """Models with an effect in place of one for which it may be taken."""
         asked: list[Asked] = []
-        for owner, state in model.states.items():
-            own = self.own(model.keys, owner)
-            for key in own - self.given:
-                rivals = next(names for names in RIVALS if key.effect in names)
-                for other in self.candidates(model, owner):
-                    if other.effect in rivals:
-                        asked.append((owner, (own - {key}) | {other}, state.values))
+        for owner in model.states:
+            for key in self.own(model.keys, owner) - self.given:
+                rivals = self.rivals(model, owner, key)
+                asked += [self.in_place(model, owner, key, other) for other in rivals]
         return self.tried(model, asked)
+
+    def rivals(self, model: ServoModel, owner: int, key: ChosenEffect) -> list[ChosenEffect]:
+        """Effects for which one of a servo may be taken."""
+        others = self.candidates(self.own(model.keys, owner) - {key}, owner)
+        return [one for one in others if one != key and one.effect in rivals_of(key.effect)]
+
+    def in_place(self, model: ServoModel, owner: int, key: ChosenEffect, other: ChosenEffect) -> Asked:
+        """A servo with one effect in place of another, which begins with the same motion where it can."""
+        values = model.states[owner].values
+        if (key.effect, other.effect) == ("driving_friction", "load_dependent_friction"):
+            values = load_dependent(values)
+        return owner, (self.own(model.keys, owner) - {key}) | {other}, values
 
     def tried(self, model: ServoModel, asked: list[Asked]) -> list[tuple[Hashable, ServoModel]]:
         """Models of which one servo has other effects, fitted: the best few of each servo."""

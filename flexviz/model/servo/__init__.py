@@ -11,7 +11,6 @@ from flexviz.model.servo.parameters import (
     NAMES,
     OWN,
     PARAMETERS,
-    RIVALS,
     SCALED,
     SERVO_EFFECTS,
     SHARED,
@@ -20,7 +19,9 @@ from flexviz.model.servo.parameters import (
     START,
     TORQUE,
     absent,
+    load_dependent,
     of_effect,
+    rivals_of,
 )
 
 __all__ = [
@@ -33,7 +34,6 @@ __all__ = [
     "NAMES",
     "OWN",
     "PARAMETERS",
-    "RIVALS",
     "SCALED",
     "SERVO_EFFECTS",
     "SHARED",
@@ -48,7 +48,9 @@ __all__ = [
     "follows_goals",
     "free_motion",
     "in_newtons",
+    "load_dependent",
     "of_effect",
+    "rivals_of",
     "servo_model",
     "servo_values",
 ]

@@ -43,13 +43,13 @@ PARAMETERS = (
     ServoParameter("gain", "log", 1.0, (10.0,), 2 * WIDE),  # [Nm/rad]
     ServoParameter("motor_inertia", "log", 1.0, (0.02,), 2 * WIDE),  # [kg m²]
     ServoParameter("motor_viscous_friction", "log", 1.0, (0.5,), 2 * WIDE),  # [Nm s/rad]
-    ServoParameter("coulomb_friction.coulomb", "size", 0.0, (0.3, 1.0), FREE, torque=True),
+    ServoParameter("coulomb_friction.coulomb", "size", 0.0, (0.03, 0.1, 0.3, 1.0), FREE, torque=True),
     ServoParameter("load_dependent_friction.coefficient", "size", 0.0, (0.1, 0.5), 0.5),
     ServoParameter("driving_friction.motor_driving", "size", 0.0, (0.1, 0.5), 0.5),
     ServoParameter("driving_friction.load_driving", "size", 0.0, (0.3, 0.1), 0.5),
     ServoParameter("stribeck_friction.stribeck", "size", 0.0, (0.2, 0.2, 0.2), FREE, torque=True),
     ServoParameter("stribeck_friction.velocity", "log", 1.0, (0.03, 0.1, 0.3), WIDE / 2),
-    ServoParameter("quadratic_friction.quadratic", "size", 0.0, (0.3,), FREE, torque=True),
+    ServoParameter("quadratic_friction.quadratic", "size", 0.0, (0.03, 0.3), FREE, torque=True),
     ServoParameter("torque_offset.offset", "free", 0.0, (-0.005, 0.005), DEGREE, False),  # [rad] times kp
     ServoParameter("cable_spring.stiffness", "free", 0.0, (-0.2, 0.2), FREE, False, torque=True),
     ServoParameter("torque_limit.limit", "log", np.inf, (0.5, 0.8, 0.95), WIDE),
@@ -92,8 +92,14 @@ RIVALS = (
         "quadratic_friction",
     ),
     ("torque_offset", "cable_spring"),
+    ("dead_band", "coulomb_friction"),  # both leave a joint beside its goal
 )
 """Effects that may be taken for each other."""
+
+
+def rivals_of(effect: str) -> tuple[str, ...]:
+    """Effects for which one may be taken, itself among them."""
+    return tuple(dict.fromkeys(name for names in RIVALS if effect in names for name in names))
 
 
 def absent(n: int) -> Array:
@@ -102,3 +108,17 @@ def absent(n: int) -> Array:
     for name in OWN:
         values[INDEX[name]] = START[INDEX[name]]
     return values
+
+
+def load_dependent(values: Array) -> Array:
+    """Values (P, n) of driving-dependent friction as load-dependent friction that does the same.
+
+    With forth m and back l the servo's torque is (1 + m) or (1 − l) times the load. By one factor of all
+    torques, these are 1 + c and 1 − c.
+    """
+    out = values.copy()
+    forth, back = (values[INDEX[f"driving_friction.{way}_driving"]] for way in ("motor", "load"))
+    factor = (2.0 + forth - back) / 2.0
+    out[SCALED] = np.where(np.isfinite(values[SCALED]), values[SCALED] / factor, values[SCALED])
+    out[INDEX["load_dependent_friction.coefficient"]] += (forth + back) / (2.0 * factor)
+    return out
