@@ -14,11 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from flexviz.outlets.report.blocks import Figures
-
 from benchmarks.command import command
 from benchmarks.effect_pages.pages import LAWS
 from flexviz.analysis.laws import LawThroughData
+from flexviz.content.blocks import Figures
 from flexviz.content.charts import Chart
 from flexviz.content.charts.svg import FILE, draw_svg
 from flexviz.content.view import law_chart

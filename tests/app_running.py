@@ -58,7 +58,7 @@ def off(app: Application, label: str) -> bool:
 def shown(app: Application, mark: str = "") -> str:
     """The HTML elements of the page that are visible, of those that contain the `mark`."""
     containers = app.page.gui._container_handle_from_uuid.values()
-    handles = [handle for one in containers for handle in one._children.values()]  # type: ignore[attr-defined]
+    handles: list[Any] = [handle for one in containers for handle in one._children.values()]  # type: ignore[attr-defined]
     found = [one.content for one in handles if isinstance(getattr(one, "content", None), str) and one.visible]
     return "\n".join(text for text in found if mark in text and not text.startswith("<style"))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def document(joints: Sequence[str], servos: Sequence[Servo]) -> ResultDocument:
 
 def in_mujoco(done: Exported, measured: MeasurementSet, group: str) -> Array:
     """(N, n) motion [rad] of an exported model from a group's first sample, driven by its goals alone."""
-    import mujoco
+    mujoco: Any = import_module("mujoco")
 
     (one,) = (g for g in measured.groups if g.name == group)
     model = mujoco.MjModel.from_xml_path(str(done.files["mjcf"][0]))

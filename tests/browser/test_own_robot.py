@@ -174,6 +174,7 @@ def test_several_files_chosen_at_once_and_the_mapping(
     download.value.save_as(file)
     mapping = read_mapping(file)
     joint = mapping.joints["joint2"]
+    assert joint.tau is not None
     assert (joint.gear, joint.torque_constant, joint.tau.unit, joint.tau.sign) == (80.0, 0.09, "mA", -1)
     assert mapping.gravity == [9.81, 0.0, 0.0]
     assert (mapping.robot, [log.file for log in mapping.logs]) == ("my arm.urdf", ["bare.csv", "loaded.csv"])

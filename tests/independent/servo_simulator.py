@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,8 +47,7 @@ def simulated(
     every: float,
 ) -> dict[str, np.ndarray]:
     """time (N,), theta_ref and theta (N, n) as a log has them, `every` so many seconds."""  # fmt: skip
-    import mujoco
-
+    mujoco: Any = import_module("mujoco")  # late: the package is not needed to read this file
     spec = mujoco.MjSpec.from_file(str(urdf))
     spec.option.timestep, spec.option.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)

@@ -152,8 +152,8 @@ class _Description:
         errors = self.judge.many(values)
         estimates = [ends[0], *(None for _ in models[1:-1]), *([ends[1]] if order else [])]
         stairs = [_Stair(None, values[0], errors[0], estimates[0])]
-        for key, *rest in zip(order, values[1:], errors[1:], estimates[1:], strict=True):
-            stairs += [_Stair(one, *rest) for one in problem.of_joints(key)]
+        for key, own, error, estimate in zip(order, values[1:], errors[1:], estimates[1:], strict=True):
+            stairs += [_Stair(one, own, error, estimate) for one in problem.of_joints(key)]
         return stairs
 
     def findings(self, stairs: Sequence[_Stair]) -> list[Finding]:

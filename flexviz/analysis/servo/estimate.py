@@ -66,7 +66,7 @@ class ServoEstimate:
         inverse = np.linalg.pinv(found.hessian, hermitian=True)
         own = np.maximum(np.diag(inverse), 1e-300)
         wider = np.sqrt((np.maximum(found.spread(), own) + found.tolerated) / own)
-        return inverse * np.outer(wider, wider)
+        return np.asarray(inverse * np.outer(wider, wider), float)
 
     def std(self, p: int, j: int) -> float:
         """Standard error of a parameter, of its logarithm where it is fitted as that."""
@@ -110,7 +110,7 @@ class ServoEstimate:
             at_bound=bool(SIZE[p] and value == 0.0 and self.free[p, j]),
         )  # fmt: skip
 
-    def unit(self, p: int) -> str:
+    def unit(self, p: int | np.intp) -> str:
         """SI, of a joint that turns."""
         effect, dot, name = NAMES[p].partition(".")
         return EFFECTS[effect].units[name] if dot else UNITS[effect]

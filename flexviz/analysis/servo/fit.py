@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from flexviz.analysis.motion import MOTION
-from flexviz.base.arrays import Array, Bools
+from flexviz.base.arrays import Array, Bools, Indices
 from flexviz.model.servo import LOG, SHARED, SIZE, TURN, DrivenMotion, free_motion
 
 AT_ONCE = 160  # joints' models that are simulated together
@@ -49,7 +50,7 @@ class ServoData:
 
     motion: DrivenMotion
     fitted: Bools
-    owner: Array
+    owner: Indices
     center: Array
     spread: Array
     unit: Array
@@ -83,7 +84,7 @@ class ServoData:
         every = max(1, int(self.fitted.sum()) // count)
         return self.motion.part(self.fitted & (np.cumsum(self.fitted) % every == 0))
 
-    def place(self, free: Bools) -> Array:
+    def place(self, free: Bools) -> Indices:
         """(P, n) number of the unknown that each parameter is; −1: it is given."""
         own = np.arange(free.shape[0] * free.shape[1]).reshape(free.shape)
         tied = np.where(SHARED[:, None], own[:, self.owner], own)
@@ -127,7 +128,7 @@ def fit_servos(
             one.judge()
             if k < iterations:
                 one.step()
-    values = np.stack([to_values(one.best[0]) for one in todo], axis=1)
+    values = np.stack([to_values(one.reached.z) for one in todo], axis=1)
     errors = free_motion(data.motion, values, turn) - data.motion.theta
     return [ServoFit(one.free, values[:, k], errors[k]) for k, one in enumerate(todo)]
 
@@ -141,6 +142,15 @@ def _evaluate(motion: DrivenMotion, batch: Sequence[_Descent], turn: float) -> N
         at += count
 
 
+class _Point(NamedTuple):
+    """Unknowns z (P, n), and of each joint the variance, Hessian (P, P) and gradient (P,) of its error."""
+
+    z: Array
+    variance: Array
+    hessian: Array
+    gradient: Array
+
+
 class _Descent:
     def __init__(
         self, data: ServoData, motion: DrivenMotion, free: Bools, values: Array, weight: Array
@@ -151,10 +161,16 @@ class _Descent:
         self.n = free.shape[1]
         self.variants = np.flatnonzero(free.any(axis=1))
         self.damping = np.full(self.n, DAMPING[0])
-        self.best: tuple | None = None
+        self.best: _Point | None = None
         self.shift = np.where(LOG[:, None], SHIFT, SHIFT * data.unit)
         self.used = used = motion.used
         self.count = np.maximum(used.sum(axis=(0, 2)), 1)
+
+    @property
+    def reached(self) -> _Point:
+        """The best point so far; there is one as soon as one was judged."""
+        assert self.best is not None
+        return self.best
 
     def points(self) -> Array:
         z = np.repeat(self.z[:, None], len(self.variants) + 1, axis=1)
@@ -184,7 +200,7 @@ class _Descent:
         """Keep the new point of the joints that it helps."""
         variance, hessian, gradient = self.new
         if self.best is None:
-            self.best = self.z.copy(), variance, hessian, gradient
+            self.best = _Point(self.z.copy(), variance, hessian, gradient)
             return
         z, old_variance, old_hessian, old_gradient = self.best
         fall = self.cost(old_variance, z) - self.cost(variance, self.z)
@@ -196,14 +212,14 @@ class _Descent:
             shape = [-1 if k == axis else 1 for k in range(new.ndim)]
             return np.where(better.reshape(shape), new, old)
 
-        self.best = (
+        self.best = _Point(
             pick(self.z, z, 1), pick(variance, old_variance, 0),
             pick(hessian, old_hessian, 0), pick(gradient, old_gradient, 0),
         )  # fmt: skip
 
     def system(self) -> tuple[Array, Array, Array]:
         """Normal equations of all unknowns together, and what scales each joint's."""
-        z, variance, hessian, gradient = self.best
+        z, variance, hessian, gradient = self.reached
         scale = self.weight / (self.count * variance)
         count = int(self.place.max()) + 1
         H, g = np.zeros((count, count)), np.zeros(count)
@@ -218,7 +234,7 @@ class _Descent:
         return H, g, scale
 
     def step(self) -> None:
-        z = self.best[0]
+        z = self.reached.z
         H, g, _ = self.system()
         count = len(g)
         low = np.zeros(count, bool)
@@ -263,7 +279,7 @@ class Slopes:
         tolerated: (U,) variance that a systematic error of the size that right laws leave may cause.
     """
 
-    place: Array
+    place: Indices
     prior: Array
     hessians: Array
     scores: Array
@@ -311,7 +327,7 @@ def _tolerated(one: _Descent, hessian: Array) -> Array:
 
     Such an error is the same in every sample, so that more of them do not average it.
     """
-    motion, variance = one.motion, one.best[1]
+    motion, variance = one.motion, one.reached.variance
     following = np.square(motion.goal - motion.theta) * motion.used
     share = MOTION.tolerance**2 * following.sum(axis=(0, 2)) / one.count / variance * one.weight  # (n,)
     out = np.zeros(len(hessian))

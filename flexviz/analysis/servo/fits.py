@@ -12,7 +12,7 @@ import numpy as np
 from flexviz.analysis.diagnosis import THRESHOLDS, Criterion, criterion_of
 from flexviz.analysis.motion import MOTION, Residuals, deviations
 from flexviz.analysis.servo.fit import ServoData, ServoFit, fit_servos
-from flexviz.base.arrays import Array
+from flexviz.base.arrays import Array, Bools, Indices
 from flexviz.data.measurements import MeasurementSet
 from flexviz.data.noise import segments_noise
 from flexviz.model.effects import ChosenEffect
@@ -64,7 +64,7 @@ class ServoModel:
     keys: Keys
     states: dict[int, ServoState]
 
-    def values(self, owner: Array) -> Array:
+    def values(self, owner: Indices) -> Array:
         """(P, n)."""
         return np.stack([self.states[int(o)].values[:, j] for j, o in enumerate(owner)], axis=1)
 
@@ -173,7 +173,7 @@ class ServoFits:
                 out[k, joints] = self.first(k, joints, values, tried[which % len(tried)])
         return out
 
-    def first(self, parameter: int, joints: Array, values: Array, tried: float) -> Array:
+    def first(self, parameter: int, joints: Indices, values: Array, tried: float) -> Array:
         """Where the fit of a parameter starts, on these joints."""
         name, motion = NAMES[parameter], self.data.motion
         gain = values[INDEX["gain"]]
@@ -221,7 +221,7 @@ class ServoFits:
             slots[k][owner] = at
         return slots
 
-    def joined(self, slot: dict[int, int], asked: Sequence[Asked]) -> tuple[Array, Array]:
+    def joined(self, slot: dict[int, int], asked: Sequence[Asked]) -> tuple[Bools, Array]:
         """What is fitted, and values, (P, n) each, of several servos."""
         free = self.free(frozenset(k for at in slot.values() for k in asked[at][1]))
         values = self.rough
@@ -233,12 +233,12 @@ class ServoFits:
         has = free | (np.arange(len(values)) < len(OWN))[:, None]
         return free, np.where(has, values, self.rough)
 
-    def joints(self, key: ChosenEffect, parameter: int) -> Array:
+    def joints(self, key: ChosenEffect, parameter: int) -> Indices:
         """The joints on which an effect of a servo has a parameter: all of that servo, or one."""
         same = np.flatnonzero(self.data.owner == self.data.owner[key.joint])
         return same if SHARED[parameter] else np.array([key.joint])
 
-    def free(self, keys: Keys) -> Array:
+    def free(self, keys: Keys) -> Bools:
         """(P, n) what is fitted."""
         free = np.zeros((len(NAMES), self.n), bool)
         drive = self.measurements.drive
@@ -295,7 +295,7 @@ class ServoFits:
             out.append(Residuals(values, used, [slice(k * T, (k + 1) * T) for k in range(len(at))]))
         return out
 
-    def scale_determined(self, free: Array, values: Array) -> Array:
+    def scale_determined(self, free: Bools, values: Array) -> Bools:
         """(n,) whether torques of twice or half the size would leave clearly more of a joint's motion.
 
         Only a known mass tells them apart. What a model leaves is of its own making, and no number of samples
@@ -311,7 +311,7 @@ class ServoFits:
         return np.array([clear[self.data.owner == o].any() for o in self.data.owner]) | ~free[INDEX["gain"]]
 
 
-def owners(measurements: MeasurementSet) -> Array:
+def owners(measurements: MeasurementSet) -> Indices:
     """(n,) index of the first joint that has the same servo."""
     out = np.arange(measurements.robot.n)
     same = measurements.drive.same if measurements.drive is not None else ()

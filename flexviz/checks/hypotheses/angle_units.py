@@ -147,4 +147,5 @@ def unused_gears(case: Case) -> Iterator[Fault]:
 
 def _gear_unused(case: Case, j: int) -> bool:
     columns = case.mapping.joints[case.mapping.names[j]]
-    return abs(columns.ratio) != 1.0 and columns.theta.side == columns.tau.side == "joint"
+    sides = {signal.side for signal in (columns.theta, columns.tau) if signal is not None}
+    return abs(columns.ratio) != 1.0 and sides == {"joint"}

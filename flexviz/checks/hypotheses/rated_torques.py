@@ -21,7 +21,7 @@ def rated_torques(case: Case) -> Iterator[Fault]:
     """Of numbers that can be such shares and are not stated to be others; one common factor is a unit."""
     names, now = case.mapping.names, case.now
     entries = [case.mapping.joints[name] for name in names]
-    stated = any("unit" in one.tau.model_fields_set or one.torque_constant for one in entries)
+    stated = any("unit" in getattr(one.tau, "model_fields_set", ()) or one.torque_constant for one in entries)
     if now.free.any() or stated:
         return
     largest = np.max(np.abs(np.concatenate(case.comparison.torque)), axis=0)
