@@ -19,6 +19,7 @@ FINE = 0.05  # [rad] of a servo's own vibration in a step, where values are stat
 FEW, ENOUGH = 24, 45  # stretches of a selection
 DAMPING = 1e-2, 0.2, 8.0  # at first; after a step that helps, and after one that does not
 FARTHEST = 1.5  # [-] a step of a logarithm
+SETTLED, PATIENCE = 0.3, 3  # [nats] so many steps that gain less each end a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,21 +111,24 @@ def fit_servos(
 ) -> list[ServoFit]:  # fmt: skip
     """Models (free, values) fitted: Gauss–Newton steps with damping for each joint, or joints of one servo.
 
-    `weight`: (n,) independent samples of each joint; `motion`: stretches by which they are fitted, None:
+    Until nothing changes, at most so many `iterations`. `weight`: (n,) independent samples of each joint; `motion`: stretches by which they are fitted, None:
     those of all fit groups.
     """
     motion = motion or data.own
     todo = [_Descent(data, motion, free, values, weight) for free, values in models]
     for k in range(iterations + 1):
         batch: list[_Descent] = []
-        for one in todo:
+        going = [one for one in todo if not one.settled]
+        for one in going:
             if sum(len(b.variants) for b in batch) + len(one.variants) > AT_ONCE and batch:
                 _evaluate(motion, batch, turn)
                 batch = []
             batch.append(one)
             check()
+        if not going:
+            break
         _evaluate(motion, batch, turn)
-        for one in todo:
+        for one in going:
             one.judge()
             if k < iterations:
                 one.step()
@@ -162,6 +166,7 @@ class _Descent:
         self.variants = np.flatnonzero(free.any(axis=1))
         self.damping = np.full(self.n, DAMPING[0])
         self.best: _Point | None = None
+        self.quiet = np.zeros(self.n, int)
         self.shift = np.where(LOG[:, None], SHIFT, SHIFT * data.unit)
         self.used = used = motion.used
         self.count = np.maximum(used.sum(axis=(0, 2)), 1)
@@ -171,6 +176,11 @@ class _Descent:
         """The best point so far; there is one as soon as one was judged."""
         assert self.best is not None
         return self.best
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last steps have changed next to nothing, of any joint that is fitted."""
+        return bool(np.all((self.quiet >= PATIENCE) | ~self.free.any(axis=0)))
 
     def points(self) -> Array:
         z = np.repeat(self.z[:, None], len(self.variants) + 1, axis=1)
@@ -207,6 +217,7 @@ class _Descent:
         together = np.array([fall[self.data.owner == o].sum() for o in self.data.owner])
         better = together > 0
         self.damping *= np.where(better, DAMPING[1], DAMPING[2])
+        self.quiet = np.where(together > SETTLED, 0, self.quiet + 1)
 
         def pick(new: Array, old: Array, axis: int) -> Array:
             shape = [-1 if k == axis else 1 for k in range(new.ndim)]

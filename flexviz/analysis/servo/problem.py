@@ -13,8 +13,8 @@ from flexviz.base.search import Gain, gain
 from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo import SERVO_EFFECTS, SHARED, load_dependent, of_effect, rivals_of
 
-STEPS = 12  # of a fit from rough values
-TRIED = 3  # steps of every candidate
+STEPS = 30  # of a fit from rough values, at most
+TRIED = 6  # steps of every candidate, at most
 AT_NOISE = 1.1  # times what counts, to which a model comes that lacks nothing
 BEST = 3  # candidates of a joint that are refined
 
