@@ -20,6 +20,7 @@ from flexviz.content.records.joint_errors import (
     mean_nrms,
     normalised,
     percent_of,
+    residual_unit,
     stated_errors,
     total_rms,
 )
@@ -95,6 +96,7 @@ __all__ = [
     "mean_nrms",
     "normalised",
     "percent_of",
+    "residual_unit",
     "stated_errors",
     "step_shares",
     "total_rms",

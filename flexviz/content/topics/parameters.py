@@ -9,7 +9,7 @@ from flexviz.analysis.identification import Identification
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content import blocks
 from flexviz.content.blocks import LISTED, Cell, Paragraph, explanation, warning
-from flexviz.content.records import Combination, CurveTable, ParameterEstimate
+from flexviz.content.records import FOLLOWING, Combination, CurveTable, ParameterEstimate, percent_of
 from flexviz.content.results import ResultDocument
 from flexviz.content.topics.link_side import link_side_blocks
 from flexviz.content.topics.story import Story
@@ -98,7 +98,8 @@ def parameter_panel(result: Identification | None, truth: Truth | None = None) -
     out: list[blocks.Block] = [*hidden, _symbols(main, truth), *link_side_blocks(result)]
     legend = " ".join(f"{MARKS[k]} {k}" for k in MARKS)
     out.append(explanation(f"id. = identifiable: {legend}. ⚑ at its bound."))
-    if not result.refined:
+    goals = percent_of(result.residual.units) == FOLLOWING
+    if not result.refined and not goals:
         text = "± 95 % does not cover lag and droop of the filter: Refine removes the observer's bias."
         out.append(explanation(text))
     if len(main) + len(inertial) < len(result.parameters):

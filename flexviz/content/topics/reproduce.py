@@ -109,6 +109,7 @@ def _uses_defaults(content: Story) -> bool:
     analysis = content.analysis
     plain = Analysis.start(content.measurements).roles == analysis.roles
     found = [finding.text for finding in content.found]
+    plain = plain and analysis.drive is None
     return plain and list(analysis.effects) == found and content.identification is None
 
 
@@ -127,6 +128,10 @@ def program(content: Story) -> str:
         lines.append(f"measurements = flexviz.read_set({str(content.measurements.path)!r})")
     if analysis.roles != Analysis.start(content.measurements).roles:
         lines.append(f"measurements = with_roles(measurements, {dict(analysis.roles)!r})")
+    if analysis.drive is not None:
+        lines.append(
+            f"measurements = replace(measurements, drive=flexviz.data.measurements.{analysis.drive!r})"
+        )
     effects = list(analysis.effects)
     if content.identification is not None:
         lines += [

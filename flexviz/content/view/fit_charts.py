@@ -23,7 +23,7 @@ from flexviz.content.charts import (
     ShadedStage,
     no_chart,
 )
-from flexviz.content.records import JointErrors
+from flexviz.content.records import FOLLOWING, JointErrors, percent_of
 from flexviz.content.wording import SYMBOLS, escape, number
 
 MAX_PARAMETERS = 14  # drawn
@@ -73,7 +73,11 @@ def convergence_charts(
     """
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
-        if result is not None:
+        if result is not None and percent_of(result.residual.units) == FOLLOWING:
+            note = (
+                "The free motion of joints that follow goals is fitted in one go: there is no course to draw."
+            )
+        elif result is not None:
             note = f"The values of this model come from the diagnosis; Run fits them anew. {note}"
         return no_chart("error", note), no_chart("cost"), no_chart("parameters")
     count = max(len(iterations), 2)

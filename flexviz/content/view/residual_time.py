@@ -10,10 +10,10 @@ from flexviz.analysis.identification import Identification, ObservedResidual
 from flexviz.base.arrays import Array
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, finite, no_chart, thin
+from flexviz.content.records import residual_unit
 from flexviz.content.view.residuals import EMPTY, HEIGHT, left_out
 
 MARGIN = 1.05  # times the largest residual: end of the axis
-UNIT = "Nm"  # of every residual over time, however small
 BEFORE, RESIDUAL, FITTED, TUNED = "before", "residual", "as identified", "with this observer"  # of the lines
 
 
@@ -36,6 +36,11 @@ class BeforeAfter:
     first: Identification | None = None
     zoomed: bool = False
     live: ObservedResidual | None = None
+
+    @property
+    def unit(self) -> str:
+        """Of every residual over time, however small, of a joint that turns."""
+        return "Nm" if self.present is None else residual_unit(self.present.residual.units)
 
     def drawn(self, group: str, joint: int) -> tuple[Array, Array] | None:
         """Time (M,) [s] and residual (M,) [Nm] in colour; None without one."""
@@ -97,7 +102,7 @@ def residual_chart(
     band = (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),) if np.isfinite(floor) else ()
     noise = float(half[0]) if band else 0.0
     end = MARGIN * max(fits.largest(group, joint), float(np.abs(line).max()), noise)
-    axis = ChartAxis(unit=UNIT, limits=(-end, end) if end > 0 else None)
+    axis = ChartAxis(unit=fits.unit, limits=(-end, end) if end > 0 else None)
     chart = Chart("residual", title, y=axis, series=tuple(lines), ribbons=band, playhead=True)
     return chart.spans(*(span or whole))
 

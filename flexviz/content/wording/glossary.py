@@ -26,12 +26,23 @@ class Term:
 
 
 GLOSSARY = (
-    Term("residual", "Measured torque minus the torque of the model.", r"[Rr]esiduals?"),
+    Term(
+        "residual",
+        "Measured torque minus the torque of the model; of joints that follow goals, simulated minus "
+        "measured angle.",
+        r"[Rr]esiduals?",
+    ),
     Term(
         "% of the torque",
         "The size of an error: rms residual ÷ standard deviation of the joint's recorded torque over all "
         "groups, which no model changes.",
         r"% of (?:the|its) torque",
+    ),
+    Term(
+        "% of the following error",
+        "The size of an error of joints that follow goals: rms of simulated minus measured angle ÷ standard "
+        "deviation of goal minus position.",
+        r"% of (?:the|its) following error",
     ),
     Term(
         "noise",

@@ -94,7 +94,7 @@ def inspect_logs(
     families = families_of(logs[0], whole.joints)
     ready = recognised(logs[0], whole.joints)
     roles = choose_roles(families, asked, draft.seen) if ready is None else dict(ready.roles)
-    draft.drive = goals_drive(roles, logs[0], draft.seen)
+    draft.drive = goals_drive(roles, logs[0], draft)
     for name in (name for name in draft.needed if name not in roles):
         known = "; ".join(family.name for family in families[:12])
         together = f"; columns that belong together: {known}" if known else ""
@@ -265,7 +265,7 @@ def choose_roles(
     return roles
 
 
-def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bool:
+def goals_drive(roles: dict[str, ColumnFamily], log: Log, draft: Draft) -> bool:
     """Whether goals stand in for the torque: there is none, or a register that is none.
 
     That is a current without a sign, or a load without a unit; it is left out of `roles`.
@@ -280,9 +280,9 @@ def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bo
         if not load and (not current or signed or torque.stated.get("sign_bit") is not None):
             return False
         kind = "unsigned-current" if current else "load-register"
-        seen.append(f"  {Fact(kind, columns=(torque.name,))}")
+        draft.note(str(Fact(kind, columns=(torque.name,))))
         del roles["tau"]
-    seen.append(f"  {Fact('goals-drive', columns=(roles['theta_ref'].name,))}")
+    draft.note(str(Fact("goals-drive", columns=(roles["theta_ref"].name,))))
     return True
 
 
@@ -298,9 +298,8 @@ def fill_joints(
         if joint not in covered and any(columns.values()):
             lacks = tuple(name for name, column in columns.items() if column is None)
             only = tuple(column for column in columns.values() if column)
-            draft.seen.append(
-                f"  left out: {Fact('half-recorded', 'odd', (joint,), columns=only, values={'lacks': lacks})}"
-            )
+            fact = Fact("half-recorded", "odd", (joint,), columns=only, values={"lacks": lacks})
+            draft.note(f"left out: {fact}")
     for joint in (joint for joint in robot.joints if joint in covered):
         entry = draft.joints[joint] = DraftJoint()
         for name, family in roles.items():

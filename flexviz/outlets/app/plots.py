@@ -15,6 +15,7 @@ from flexviz.content.records import stated_errors
 from flexviz.content.rendering import panel
 from flexviz.content.session import runs, standing
 from flexviz.content.topics import map_panel
+from flexviz.content.wording import DrivingSignal, driving_signal
 from flexviz.model.observers import EsoGains
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.fleet import FleetTab
@@ -119,7 +120,9 @@ class PlotPanel:
             bandwidth, gains = None, self._draft
         observer = view.observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
-        states = view.states_charts(store.group, store.joint, observer, hold, now, store.span)
+        states = view.states_charts(
+            store.group, store.joint, observer, hold, now, store.span, signal_of(store)
+        )
         self._states.show(self._of_joint(states))
 
     def _of_joint(self, charts: Iterable[Chart]) -> tuple[Chart, ...]:
@@ -129,7 +132,9 @@ class PlotPanel:
         """Let the selected joint's residual, and with a draft of gains the states, follow the tuning."""
         store = self._store
         which = store.group, store.joint, store.joint_name
-        self._signals.update(*self._of_joint([view.signal_residual(*which, before_after(store), store.span)]))
+        self._signals.update(
+            *self._of_joint([view.signal_residual(*which, before_after(store), store.span, signal_of(store))])
+        )
         self._signals.move(store.clock.time)
         if self._draft != (None if store.live is None else store.live.draft):
             self._draw_states()
@@ -138,9 +143,9 @@ class PlotPanel:
         """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
         which = store.group, store.joint, store.joint_name
-        signals = view.signals_charts(*which, before_after(store), store.motion, store.span)
+        signals = view.signals_charts(*which, before_after(store), store.motion, store.span, signal_of(store))
         signals = self._of_joint(signals)
-        self._signals.show((*signals, *self._of_joint(view.shape_charts(*which, result))))
+        self._signals.show((*signals, *self._of_joint(view.shape_charts(*which, result, signal_of(store)))))
         # under the staircase, too: what has fallen
         self._fallen.show(tuple(chart for chart in signals if chart.key == "residual" and chart.series))
         self._move()
@@ -204,6 +209,11 @@ class PlotPanel:
         self._convergence.show(view.convergence_charts(iterations, ends, final))
 
 
+def signal_of(store: Store) -> DrivingSignal:
+    """What drives the joints of the open set."""
+    return driving_signal(store.measurements.drive is not None)
+
+
 def in_units(store: Store, charts: Iterable[Chart]) -> tuple[Chart, ...]:
     """Charts of the selected joint, in m and N if it slides."""
     slides = bool(store.measurements.robot.prismatic[store.joint])
@@ -257,8 +267,8 @@ class ResidualTab:
         self._stopgap.content = view.free_html(curve)
         own = view.model_curve_charts(result.parameters) if result else ()
         self._draw_laws()
-        free = view.free_chart(curve)
-        self.charts.show((*own, free, *in_units(store, (residual, *view.map_charts(store.maps, name)))))
+        free, unit = view.free_chart(curve), signal_of(store).unit
+        self.charts.show((*own, free, *in_units(store, (residual, *view.map_charts(store.maps, name, unit)))))
         self._move()
         store.set_highlight(marked)
 

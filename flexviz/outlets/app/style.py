@@ -27,7 +27,7 @@ CSS = """
 .fv { font-size: 13px; line-height: 1.45; padding: 0 0.75em 0.45em; color: var(--fv-text); }
 .fv-dim { color: var(--fv-dimmed); }
 .fv-tag { background: #56B4E9; color: #000; border-radius: 3px; padding: 0 0.4em; font-size: 11px; }
-.fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; }
+.fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; overflow-wrap: anywhere; }
 .fv-steps { padding-top: 0.6em; font-size: 12px; word-spacing: -0.06em; }
 .fv-steps span, .fv-status span { white-space: nowrap; }
 .fv-steps .fv-now { font-weight: 700; border-bottom: 2px solid #0072B2; }

@@ -32,8 +32,8 @@ def no_scale(fact: Fact) -> str:
     """Joints of which only ratios are determined."""
     return (
         f"scale of {listed(list(fact.joints))} not determined: gain, inertia and friction are known in ratio "
-        "to each other only; state kp in [drive], hang a known mass on the joint, or say which servos are "
-        "alike (same in [drive])"
+        "to each other only; state their kp, say which servos are alike (kp and same in [drive]; in the app: "
+        "Servos in step Identify), or hang a known mass on the joint"
     )
 
 

@@ -102,6 +102,7 @@ class ModelList:
         joints: tuple[str, ...],
         why: str,
         families: Families,
+        goals: bool = False,
     ) -> None:
         """Show the set's own and the added effects.
 
@@ -110,12 +111,13 @@ class ModelList:
             joints: all of the robot.
             why: the reason that none can be removed now.
             families: of those added effects that stand for one.
+            goals: drive the joints.
         """
         self._effects, self._joints, self._why, self._families = tuple(added), joints, why, families
         self._list()
         text = f"the set's own: {', '.join(text_names(own, joints))}" if own else ""
         if not own and not added:
-            text = "stiffness, inertia and viscous friction only"
+            text = f"{'gain' if goals else 'stiffness'}, inertia and viscous friction only"
         left = len(self._shown) - MAX_ROWS
         more = f" and {left} more" if left > 0 else ""
         self._heading.content = (
