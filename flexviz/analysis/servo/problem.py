@@ -8,7 +8,7 @@ import numpy as np
 
 from flexviz.analysis.diagnosis import LEAST_SURE, ModelScore, confidence, unexplained
 from flexviz.analysis.servo.fits import REFINED, Asked, Keys, ServoFits, ServoModel
-from flexviz.base.arrays import Bools
+from flexviz.base.arrays import Array, Bools
 from flexviz.base.search import Gain, gain
 from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo import RIVALS, SERVO_EFFECTS, SHARED, of_effect
@@ -58,6 +58,14 @@ class ServoProblem(ServoFits):
         self.renew(fit)
         self.known.clear()
         self.fitted([(o, self.own(self.given, o), fit.values) for o in owners], TRIED)
+        return self.model(self.given)
+
+    def begin_at(self, values: Array) -> ServoModel:
+        """The set's own model with given values (P, n), and the criterion of this recording."""
+        owners = sorted(set(self.data.owner.tolist()))
+        self.refresh(values)
+        (fit,) = self.fitted([(o, self.own(self.given, o), values) for o in owners], 0)
+        self.renew(fit)
         return self.model(self.given)
 
     def candidates(self, model: ServoModel, owner: int) -> list[ChosenEffect]:

@@ -205,7 +205,10 @@ def combination_table(combinations: Sequence[Combination]) -> blocks.TableBlock:
 def _source(content: Story) -> str:
     """The source of the values, and the meaning of the marks."""
     found = content.identification
-    if found is not None:
+    if found is not None and content.measurements.drive is not None:
+        groups = f"{plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
+        how = f"Identified by the free motion from the goals of {groups}"
+    elif found is not None:
         how = f"Identified with the observer {found.observer_name}" + (", refined" if found.refined else "")
         how += f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
     else:

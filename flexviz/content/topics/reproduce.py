@@ -63,16 +63,18 @@ def _settings(content: Story) -> TableBlock:
         ["robot description", str(robot.source)],
         ["torque hold", f"{measurements.torque_hold:g} s"],
     ]
-    if content.identification is not None:
+    observed = measurements.drive is None  # the motion of servos is simulated instead
+    if content.identification is not None and observed:
         found = content.identification
         given = analysis.fit.bandwidth is not None or analysis.fit.gains is not None
         shown = found.observer_entry.tuning if given else "default"
         rows.append(["observer of the identification", f"{found.observer_name}, bandwidth {shown}"])
         rows.append(["refined", "yes" if found.refined else "no"])
     if content.diagnosis is not None:
-        rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
-        guard = content.diagnosis.guard
-        rows.append(["bandwidth check", "none: see the option --guard" if guard is None else "see above"])
+        if observed:
+            rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
+            guard = content.diagnosis.guard
+            rows.append(["bandwidth check", "none: see the option --guard" if guard is None else "see above"])
         rows.append(["time of the diagnosis", f"{number(content.diagnosis.seconds, 3)} s"])
     rows.append(
         ["versions", f"flexviz {__version__}, Python {platform.python_version()}, {', '.join(versions)}"]
@@ -138,10 +140,7 @@ def program(content: Story) -> str:
             "identification = flexviz.identify(",
             "    measurements,",
             f"    effects={effects!r},",
-            f"    observer={analysis.fit.observer!r},",
-            f"    bandwidth={analysis.fit.bandwidth!r},",
-            *([f"    gains=flexviz.{analysis.fit.gains!r},"] if analysis.fit.gains else []),
-            f"    refine={analysis.fit.refine!r},",
+            *(_observer_lines(analysis) if content.measurements.drive is None else []),
             ")",
         ]
     if content.diagnosis is not None:
@@ -150,6 +149,16 @@ def program(content: Story) -> str:
             "diagnosis = flexviz.diagnose(complete, apply=False)",
         ]
     return "\n".join(lines)
+
+
+def _observer_lines(analysis: Analysis) -> list[str]:
+    """Arguments of the identification that servos do not have."""
+    return [
+        f"    observer={analysis.fit.observer!r},",
+        f"    bandwidth={analysis.fit.bandwidth!r},",
+        *([f"    gains=flexviz.{analysis.fit.gains!r},"] if analysis.fit.gains else []),
+        f"    refine={analysis.fit.refine!r},",
+    ]
 
 
 def _check(content: Story) -> str:

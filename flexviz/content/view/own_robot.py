@@ -9,7 +9,7 @@ from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
 from flexviz.checks import Issue
 from flexviz.content.charts import COLOURS
-from flexviz.content.wording import capitalised, escape, issue_text, listed, number, plural
+from flexviz.content.wording import escape, issue_text, listed, number, plural
 from flexviz.data.importing import ColumnPreview, Draft, LogPreview, Proposal
 from flexviz.data.importing import Mapping as LogMapping
 
@@ -155,13 +155,13 @@ def own_files_html(
     where: str,
     notes: Sequence[str] = (),
 ) -> str:
-    """The files in use, those that are not with the reason, and `where` all of them stay; `notes` of reading."""
+    """The files in use, those that are not with the reason, `where` all of them stay, `notes` of reading."""
     used = f"<b>{escape(robot)}</b>: {plural(joints, 'joint')}. Logs: {escape(listed(list(logs)))}."
     rows = "".join(
         f'<div class="fv-doubt">Not used: <b>{escape(name)}</b>: {escape(why)}</div>'
         for name, why in refused.items()
     )
-    said = "".join(f'<div class="fv-dim">{escape(capitalised(note))}.</div>' for note in notes)
+    said = "".join(f'<div class="fv-dim">• {escape(note)}</div>' for note in notes)
     return f'<div class="fv">{used} <span class="fv-dim">{escape(where)}</span>{rows}{said}</div>'
 
 

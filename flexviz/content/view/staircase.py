@@ -11,7 +11,7 @@ import numpy as np
 from flexviz.analysis.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.content import wording
 from flexviz.content.charts import Chart, no_chart
-from flexviz.content.records import FOLLOWING, JointErrors, ParameterEstimate, stated_errors
+from flexviz.content.records import FOLLOWING, JointErrors, ParameterEstimate, percent_of, stated_errors
 from flexviz.content.results import staircase_chart
 from flexviz.content.session import Analysis, ModelStep
 from flexviz.content.wording import error_hover, error_short
@@ -169,8 +169,9 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
         return ""
     width = wording.listed([f"{w:.3g}" for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())])
     added = ", ".join(wording.text_names(fitted.effects, joints))
+    run, goals = f"Run{f' with {added}' if added else ''}", percent_of(result.residual.units) == FOLLOWING
     return (
-        f"Run{f' with {added}' if added else ''}: {result.observer_name}, {width} rad/s"
+        (run if goals else f"{run}: {result.observer_name}, {width} rad/s")
         + ("" if result.refined or not result.iterations else ", plain fit")
         + (", other groups" if roles not in (None, fitted.roles) else "")
     )

@@ -59,6 +59,7 @@ GLOSSARY = (
     ),
     Term("payload", "A body of known mass that is fixed to a link.", r"[Pp]ayloads?"),
     Term("K", "Stiffness of the joint [Nm/rad]: torque per radian of deflection."),
+    Term("kp", "Gain of a servo's position control [Nm/rad]: torque per radian of goal minus position."),
     Term("B", "Motor inertia [kg m²], reflected to the joint (times the gear ratio squared)."),
     Term("f_lv", "Viscous friction on the link side [Nm s/rad]."),
     Term("f_mv", "Viscous friction on the motor side, reflected to the joint [Nm s/rad]."),

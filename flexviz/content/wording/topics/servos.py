@@ -27,6 +27,12 @@ def fitted(fact: Fact) -> str:
     return "fitted by the free motion from the goals alone"
 
 
+@says("servo-given")
+def given(fact: Fact) -> str:
+    """Where values come from that were not fitted."""
+    return "values as given; the motion is simulated with them"
+
+
 @says("no-scale")
 def no_scale(fact: Fact) -> str:
     """Joints of which only ratios are determined."""

@@ -28,6 +28,7 @@ class FindingEntry:
         self._finding: Finding | None = None  # whose evidence is shown
         self._group = ""
         self.opened = index == 0  # whether its evidence is shown
+        self._goals = False  # whether these drive the joints
         gui = page.gui
         self._text = ExplainedHtml(gui, visible=False)
         self._toggle = page.button("Show evidence", self._switch, visible=False)
@@ -48,6 +49,7 @@ class FindingEntry:
             put(self._folder, visible=False)
             return
         joints, members = store.measurements.joints, merged.members
+        self._goals = store.measurements.drive is not None
         here = (member for member in members if member.joint == store.joint_name)
         self._finding, self._group = next(here, members[0]), store.group.name
         self._text.content = panel(
@@ -61,6 +63,8 @@ class FindingEntry:
     def _show_evidence(self, finding: Finding) -> None:
         there = finding.evidence is not None or finding.law is not None
         why = "" if there else "only screened briefly, so there is no evidence"
+        if self._goals:
+            why = "no torque was recorded through which its law could be drawn; see the tab Compare"
         off(self._toggle, why, "the law of this effect through its data")
         shown = self.opened and there
         self._toggle.label = "Hide evidence" if shown else "Show evidence"
