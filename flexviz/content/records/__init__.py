@@ -20,7 +20,6 @@ from flexviz.content.records.joint_errors import (
     mean_nrms,
     normalised,
     percent_of,
-    residual_unit,
     stated_errors,
     total_rms,
 )
@@ -96,7 +95,6 @@ __all__ = [
     "mean_nrms",
     "normalised",
     "percent_of",
-    "residual_unit",
     "stated_errors",
     "step_shares",
     "total_rms",

@@ -31,11 +31,6 @@ def percent_of(units: Sequence[str]) -> str:
     return FOLLOWING if units and set(units) <= {"rad", "m"} else PERCENT
 
 
-def residual_unit(units: Sequence[str]) -> str:
-    """Unit of a residual of a joint that turns, by the units of the set's joints."""
-    return "rad" if percent_of(units) == FOLLOWING else "Nm"
-
-
 def normalised(rms: Sequence[float], spread: Sequence[float]) -> list[float]:
     """NRMS of each joint; NaN where the torque is constant."""
     return [error / width if width > 0 else math.nan for error, width in zip(rms, spread, strict=True)]

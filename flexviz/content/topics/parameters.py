@@ -9,7 +9,7 @@ from flexviz.analysis.identification import Identification
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content import blocks
 from flexviz.content.blocks import LISTED, Cell, Paragraph, explanation, warning
-from flexviz.content.records import FOLLOWING, Combination, CurveTable, ParameterEstimate, percent_of
+from flexviz.content.records import Combination, CurveTable, ParameterEstimate
 from flexviz.content.results import ResultDocument
 from flexviz.content.topics.link_side import link_side_blocks
 from flexviz.content.topics.story import Story
@@ -87,8 +87,13 @@ def _table(parameters: Iterable[ParameterEstimate]) -> blocks.TableBlock:
     )
 
 
-def parameter_panel(result: Identification | None, truth: Truth | None = None) -> list[blocks.Block]:
-    """The same by symbols and joints, with SI prefixes, and the `truth` of a simulated set on request."""
+def parameter_panel(
+    result: Identification | None, truth: Truth | None = None, goals: bool = False
+) -> list[blocks.Block]:
+    """The same by symbols and joints, with SI prefixes, and the `truth` of a simulated set on request.
+
+    Joints that follow `goals` need no observer, which could be refined.
+    """
     if result is None:
         waiting = explanation("The parameters appear here after Run.")
         return [waiting] if truth is None else [Paragraph(_hidden(truth)), waiting]
@@ -98,7 +103,6 @@ def parameter_panel(result: Identification | None, truth: Truth | None = None) -
     out: list[blocks.Block] = [*hidden, _symbols(main, truth), *link_side_blocks(result)]
     legend = " ".join(f"{MARKS[k]} {k}" for k in MARKS)
     out.append(explanation(f"id. = identifiable: {legend}. ⚑ at its bound."))
-    goals = percent_of(result.residual.units) == FOLLOWING
     if not result.refined and not goals:
         text = "± 95 % does not cover lag and droop of the filter: Refine removes the observer's bias."
         out.append(explanation(text))

@@ -23,7 +23,7 @@ from flexviz.content.charts import (
     ShadedStage,
     no_chart,
 )
-from flexviz.content.records import FOLLOWING, JointErrors, percent_of
+from flexviz.content.records import JointErrors
 from flexviz.content.wording import SYMBOLS, escape, number
 
 MAX_PARAMETERS = 14  # drawn
@@ -65,15 +65,16 @@ def convergence_charts(
     iterations: Sequence[Iteration],
     ends: Sequence[JointErrors] = (),
     result: Identification | None = None,
+    goals: bool = False,
 ) -> tuple[Chart, ...]:
     """Error at the end of each stage, relative cost, parameters relative to their present values.
 
     `ends` are the errors at the start and at the end of each stage; `result` is what the iterations led to,
-    with the intervals of its parameters, or a result without iterations.
+    with the intervals of its parameters, or one without iterations, as of joints that follow `goals`.
     """
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
-        if result is not None and percent_of(result.residual.units) == FOLLOWING:
+        if result is not None and goals:
             note = (
                 "The free motion of joints that follow goals is fitted in one go: there is no course to draw."
             )

@@ -54,14 +54,13 @@ def signals_charts(
     fits: BeforeAfter,
     motion: RobotMotion | None,
     span: tuple[float, float] | None = None,
-    signal: DrivingSignal = TORQUE_SIGNAL,
 ) -> tuple[Chart, ...]:
     """What drives one joint, residual and motor-angle error, in a span of time [s].
 
     Of joints that follow goals the residual is the motor-angle error, which is drawn once.
     """
     time, recorded = torque(group, joint)
-    result = fits.present
+    result, signal = fits.present, fits.signal
     first, last = span or (float(time[0]), float(time[-1]))
     time, recorded = within((first, last), time, recorded)
     lines = [("measured", COLOURS.measured, recorded)]
@@ -76,7 +75,7 @@ def signals_charts(
         shown = time[inside]
         modelled = np.interp(shown, model_time, explained)
         lines = [("measured", COLOURS.measured, recorded[inside]), ("model", COLOURS.model, modelled)]
-        second = signal_residual(group, joint, name, fits, (first, last), signal)
+        second = signal_residual(group, joint, name, fits, (first, last))
     upper = time_chart("torque", f"{signal.title}, {name}", signal.unit, shown, lines, height=SIGNAL_HEIGHT)
     charts = [upper, second]
     if signal is TORQUE_SIGNAL:
@@ -90,10 +89,9 @@ def signal_residual(
     name: str,
     fits: BeforeAfter,
     span: tuple[float, float],
-    signal: DrivingSignal = TORQUE_SIGNAL,
 ) -> Chart:
     """The residual of one joint in a span of time [s]."""
-    drawn = residual_chart(fits, joint, group.name, f"{signal.residual}, {name}", span)
+    drawn = residual_chart(fits, joint, group.name, f"{fits.signal.residual}, {name}", span)
     return no_chart("residual") if drawn is None else replace(drawn, height=SIGNAL_HEIGHT)
 
 

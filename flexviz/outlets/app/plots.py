@@ -15,13 +15,12 @@ from flexviz.content.records import stated_errors
 from flexviz.content.rendering import panel
 from flexviz.content.session import runs, standing
 from flexviz.content.topics import map_panel
-from flexviz.content.wording import DrivingSignal, driving_signal
 from flexviz.model.observers import EsoGains
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.fleet import FleetTab
 from flexviz.outlets.app.page import Page, put
 from flexviz.outlets.app.page_script import PICTURE_LABEL
-from flexviz.outlets.app.residual_axis import ResidualAxis, before_after
+from flexviz.outlets.app.residual_axis import ResidualAxis, before_after, signal_of
 from flexviz.outlets.app.state import Changed, Highlight
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import hidden
@@ -132,9 +131,7 @@ class PlotPanel:
         """Let the selected joint's residual, and with a draft of gains the states, follow the tuning."""
         store = self._store
         which = store.group, store.joint, store.joint_name
-        self._signals.update(
-            *self._of_joint([view.signal_residual(*which, before_after(store), store.span, signal_of(store))])
-        )
+        self._signals.update(*self._of_joint([view.signal_residual(*which, before_after(store), store.span)]))
         self._signals.move(store.clock.time)
         if self._draft != (None if store.live is None else store.live.draft):
             self._draw_states()
@@ -143,7 +140,7 @@ class PlotPanel:
         """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
         which = store.group, store.joint, store.joint_name
-        signals = view.signals_charts(*which, before_after(store), store.motion, store.span, signal_of(store))
+        signals = view.signals_charts(*which, before_after(store), store.motion, store.span)
         signals = self._of_joint(signals)
         self._signals.show((*signals, *self._of_joint(view.shape_charts(*which, result, signal_of(store)))))
         # under the staircase, too: what has fallen
@@ -206,12 +203,9 @@ class PlotPanel:
             ends = [stated_errors(one, spread) for one in derived.stage_errors]
         elif not (iterations or store.running):
             final = result
-        self._convergence.show(view.convergence_charts(iterations, ends, final))
-
-
-def signal_of(store: Store) -> DrivingSignal:
-    """What drives the joints of the open set."""
-    return driving_signal(store.measurements.drive is not None)
+        self._convergence.show(
+            view.convergence_charts(iterations, ends, final, store.measurements.drive is not None)
+        )
 
 
 def in_units(store: Store, charts: Iterable[Chart]) -> tuple[Chart, ...]:

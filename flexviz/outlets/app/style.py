@@ -119,7 +119,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 @dark .fv-yes { color: #3CC8A0; }
 .fv-runs th { text-align: left; }
 .fv-own { table-layout: fixed; } .fv-own td { vertical-align: top; overflow-wrap: anywhere; }
-.fv-own col:nth-child(1) { width: 14px; } .fv-own col:nth-child(2) { width: 90px; }
+.fv-own col:nth-child(1) { width: 30px; } .fv-own col:nth-child(2) { width: 90px; }
 .fv-own tr[data-own] { cursor: pointer; } .fv-own tr[data-own]:hover { background: rgba(86, 180, 233, 0.25); }
 .fv-own svg { display: block; background: rgba(128, 128, 128, 0.1); border-radius: 2px; }
 @dark .fv-own polyline { stroke: #56B4E9; }

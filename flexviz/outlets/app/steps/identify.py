@@ -18,7 +18,7 @@ from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import CTRL, Page, dim, off, warning
 from flexviz.outlets.app.state import Changed, FitProgress, Turn
 from flexviz.outlets.app.steps.effect_matrix import EffectMatrix
-from flexviz.outlets.app.steps.servos import Servos
+from flexviz.outlets.app.steps.servos import ServoEntries
 from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import wide_label
@@ -36,7 +36,7 @@ class IdentifyStep(WorkflowStep):
     def build(self) -> None:
         store, page, gui = self.store, self.page, self.page.gui
         self.effects = EffectList(store, page)
-        Servos(store, page)
+        ServoEntries(store, page)
         hint = "removes the observer's bias in a second stage; without it, the intervals leave this bias out"
         self._refine = page.checkbox(
             "Refine", True, lambda on: store.change("refine", store.analysis.with_fit(refine=on)), hint=hint
@@ -117,7 +117,9 @@ class IdentifyStep(WorkflowStep):
         shown = result, truth if self._truth.value else None
         if self._drawn is None or any(a is not b for a, b in zip(self._drawn, shown, strict=True)):
             self._drawn = shown  # drawn once, not at every step of a slider
-            self._table.content = panel(parameter_panel(*shown))
+            self._table.content = panel(
+                parameter_panel(*shown, goals=self.store.measurements.drive is not None)
+            )
 
 
 class EffectList:

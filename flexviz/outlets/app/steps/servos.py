@@ -29,7 +29,7 @@ def typed_joints(text: str, joints: tuple[str, ...]) -> tuple[tuple[str, ...], .
     return tuple(found)
 
 
-class Servos:
+class ServoEntries:
     """What is known of the servos besides the recording; a fit takes it instead of estimating it."""
 
     def __init__(self, store: Store, page: Page) -> None:
