@@ -35,10 +35,9 @@ def identify_servos(
         course = ServoCourse(measurements, progress, should_stop)
         course.say(Fact("servo-stage", values={"stage": "fit"}))
         course.searching = False  # a fit takes seconds, and half of one is of no use
-        if model is None:
-            return identification(course, course.finished(course.problem.begin(), STEPS), "servo-fitted")
-        given = course.problem.begin_at(servo_values(model))
-        return identification(course, course.finished(given, 0), "servo-given")
+        given = None if model is None else servo_values(model)
+        estimate = course.finished(course.problem.begin(), STEPS, given)
+        return identification(course, estimate, "servo-fitted" if given is None else "servo-given")
 
 
 def identification(course: ServoCourse, estimate: ServoEstimate, how: str) -> Identification:

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexviz.analysis.diagnosis import LEAST_SURE, ModelScore, confidence, unexplained
 from flexviz.analysis.servo.fits import REFINED, Asked, Keys, ServoFits, ServoModel
-from flexviz.base.arrays import Array, Bools
+from flexviz.base.arrays import Bools
 from flexviz.base.search import Gain, gain
 from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo import RIVALS, SERVO_EFFECTS, SHARED, of_effect
@@ -60,14 +60,6 @@ class ServoProblem(ServoFits):
         self.fitted([(o, self.own(self.given, o), fit.values) for o in owners], TRIED)
         return self.model(self.given)
 
-    def begin_at(self, values: Array) -> ServoModel:
-        """The set's own model with given values (P, n), and the criterion of this recording."""
-        owners = sorted(set(self.data.owner.tolist()))
-        self.refresh(values)
-        (fit,) = self.fitted([(o, self.own(self.given, o), values) for o in owners], 0)
-        self.renew(fit)
-        return self.model(self.given)
-
     def candidates(self, model: ServoModel, owner: int) -> list[ChosenEffect]:
         """Effects that a servo may have besides."""
         joints = np.flatnonzero(self.data.owner == owner)
@@ -98,7 +90,10 @@ class ServoProblem(ServoFits):
         asked: list[Asked] = []
         for owner, state in model.states.items():
             own = self.own(model.keys, owner)
+            needed = {EFFECTS[k.effect].beside for k in own}
             for key in own - self.given:
+                if key.effect in needed:
+                    continue
                 rivals = next(names for names in RIVALS if key.effect in names)
                 for other in self.candidates(model, owner):
                     if other.effect in rivals:

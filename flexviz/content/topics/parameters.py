@@ -100,7 +100,7 @@ def parameter_panel(
     main = [p for p in physical(result.parameters) if p.name not in INERTIAL_NAMES]
     inertial = [p for p in result.parameters if p.name in INERTIAL_NAMES]
     hidden = [] if truth is None else [Paragraph(_hidden(truth))]
-    out: list[blocks.Block] = [*hidden, _symbols(main, truth), *link_side_blocks(result)]
+    out: list[blocks.Block] = [*hidden, _symbols(main, truth, not goals), *link_side_blocks(result)]
     legend = " ".join(f"{MARKS[k]} {k}" for k in MARKS)
     out.append(explanation(f"id. = identifiable: {legend}. ⚑ at its bound."))
     if not result.refined and not goals:
@@ -124,7 +124,10 @@ def _hidden(truth: Truth) -> str:
     return f"Truth: {said}."
 
 
-def _symbols(parameters: Iterable[ParameterEstimate], truth: Truth | None) -> blocks.TableBlock:
+def _symbols(
+    parameters: Iterable[ParameterEstimate], truth: Truth | None, started: bool = True
+) -> blocks.TableBlock:
+    """`started`: from values of their own, which are told."""
     rows = []
     for p in parameters:
         half = NORMAL_95 * p.std if math.isfinite(p.std) else 0.0
@@ -136,11 +139,12 @@ def _symbols(parameters: Iterable[ParameterEstimate], truth: Truth | None) -> bl
         name = Cell(label + (" ⚑" if p.at_bound else ""), tip=plain_name(p.name))
         grade = Cell(f"{MARKS.get(p.identifiable, '')} {p.identifiable}", tone=p.identifiable)
         ties = ", ".join(map(_tied, p.tied_to[:LISTED])) + (" …" if len(p.tied_to) > LISTED else "")
-        start = number(None if p.start is None else factor * p.start, 3)
-        rows.append([name, p.joint or "", start, Cell(value, strong=True), error, *real, unit, grade, ties])
-    head = ["", "", "start", "value", "± 95 %", *(["truth"] if truth is not None else []), "unit", "id.", ""]
+        start = [number(None if p.start is None else factor * p.start, 3)] if started else []
+        rows.append([name, p.joint or "", *start, Cell(value, strong=True), error, *real, unit, grade, ties])
+    head = ["", "", *(["start"] if started else []), "value", "± 95 %"]
+    head += [*(["truth"] if truth is not None else []), "unit", "id.", ""]
     last = len(head) - 1
-    return blocks.table(head, rows, (2, 3, 4), group=1, below={last: "tied to"})
+    return blocks.table(head, rows, (2, 3, 4) if started else (2, 3), group=1, below={last: "tied to"})
 
 
 def _tied(name: str) -> str:
