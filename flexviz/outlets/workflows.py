@@ -21,7 +21,7 @@ from flexviz.content.session import (
     is_session,
     open_session,
     save_session,
-    with_roles,
+    with_settings,
 )
 from flexviz.data.measurements import MeasurementSet, set_of
 from flexviz.model.equation import layout_of
@@ -173,8 +173,8 @@ def bandwidth_checked(
 
 
 def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
-    """The set with the roles and effects of a session's state."""
-    chosen = with_roles(measurements, dict(analysis.roles))
+    """The set with the roles, servos and effects of a session's state."""
+    chosen = with_settings(measurements, analysis)
     return replace(chosen, effects=(*chosen.effects, *analysis.effects))
 
 

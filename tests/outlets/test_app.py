@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexviz.base.resources import sessions_dir
-from flexviz.content.view import COMMON_EFFECTS
+from flexviz.content.view import COMMON_EFFECTS, SERVO_ONLY
 from flexviz.content.view.fit_charts import SWEEP_COUNT
 from flexviz.model.effects import EFFECTS
 from flexviz.outlets.app import DEMO
@@ -163,7 +163,7 @@ def test_roles_and_effects_are_in_the_history(app: Application) -> None:
 
 def test_every_command_has_a_key_of_its_own_and_does_something(app: Application) -> None:
     known = app.page.commands.known.values()
-    assert len(known) == len(app.page.gui._command_handle_from_uuid) == 33
+    assert len(known) == len(app.page.gui._command_handle_from_uuid) == 34
     hotkeys = [(known.hotkey, known.modifier) for known in known if known.hotkey]
     assert len(set(hotkeys)) == len(hotkeys) == 12
     leave_controls(app)  # a key at the same time as a control would be the control's
@@ -323,7 +323,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
 def test_every_effect_that_can_be_named_has_a_checkbox_and_a_hint(app: Application, folder: Path) -> None:
     reopen(app, folder)
     boxes = step(app, IdentifyStep).effects.boxes
-    assert set(boxes) == set(EFFECTS) - {"external_contact"} and set(COMMON_EFFECTS) < set(boxes)
+    assert set(boxes) == {*EFFECTS, *SERVO_ONLY} - {"external_contact"} and set(COMMON_EFFECTS) < set(boxes)
     assert all(name in box.hint for name, box in boxes.items())
     assert boxes["payload_error"].disabled == (
         not any(group.bodies for group in app.store.measurements.groups)

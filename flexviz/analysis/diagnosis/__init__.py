@@ -15,8 +15,8 @@ from flexviz.analysis.diagnosis.prediction_errors import (
     prediction_errors,
     torque_over_time,
 )
-from flexviz.analysis.diagnosis.residual_location import locate_residual, maps_of
-from flexviz.analysis.diagnosis.residuals import DIRECTED, DIRECTION_GAIN
+from flexviz.analysis.diagnosis.residual_location import joint_maps, locate_residual, maps_of
+from flexviz.analysis.diagnosis.residuals import DIRECTED, DIRECTION_GAIN, SLOW, SlowResidual
 from flexviz.analysis.diagnosis.result import Diagnosis, Evidence, Finding, Step
 from flexviz.analysis.diagnosis.so_far import BestModel
 from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
@@ -27,6 +27,7 @@ __all__ = [
     "DIRECTED",
     "DIRECTION_GAIN",
     "LEAST_SURE",
+    "SLOW",
     "THRESHOLDS",
     "BandwidthCheck",
     "BestModel",
@@ -39,6 +40,7 @@ __all__ = [
     "ModelScore",
     "ParameterCurve",
     "PredictionErrors",
+    "SlowResidual",
     "Step",
     "TorqueOverTime",
     "check_bandwidth",
@@ -47,6 +49,7 @@ __all__ = [
     "diagnose",
     "errors_along",
     "fit_free_curve",
+    "joint_maps",
     "locate_residual",
     "maps_of",
     "prediction_errors",

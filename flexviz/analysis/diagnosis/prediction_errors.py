@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexviz.analysis.diagnosis.fit_context import Fitted
 from flexviz.analysis.estimation import BAND_HERTZ, ErrorBand, PredictionErrors
+from flexviz.analysis.identification import by_free_motion
 from flexviz.analysis.motion import Known, Phases, phases
 from flexviz.base.iteration import Iteration
 from flexviz.data.measurements import MeasurementSet
@@ -55,8 +56,12 @@ def torque_over_time(
 ) -> TorqueOverTime | None:
     """Torque of a group and what models leave of it; each with its effects besides those of the set.
 
-    None where the group is too short for the band.
+    None where the group is too short for the band. Of joints that follow goals: how far these are ahead, and
+    the errors of the free motion [rad], in no band.
     """
+    if measurements.drive is not None:
+        found: TorqueOverTime = by_free_motion("free_over_time")(measurements, group, [m for m, _ in models])
+        return found
     band = PredictionErrorBand(measurements)
     signals = band.signals
     stretches = [b.rows for b in signals.blocks if signals.groups[b.group].name == group]
@@ -82,8 +87,12 @@ def errors_along(
 ) -> tuple[PredictionErrors, ...]:
     """Errors of a model, then those at the values of the iterations `ends` that led to it.
 
-    An iteration with other parameters has the errors of the model.
+    An iteration with other parameters has the errors of the model. Joints that follow goals are judged by
+    their free motion.
     """
+    if measurements.drive is not None:
+        judged: PredictionErrors = by_free_motion("free_errors")(measurements, model)
+        return (judged,) * (1 + len(ends))
     layout, band = layout_of(measurements, effects), PredictionErrorBand(measurements)
     points, names = [layout.vector(model)], tuple(layout.labels())
     for one in ends:

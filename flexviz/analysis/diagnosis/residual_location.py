@@ -34,6 +34,7 @@ from flexviz.analysis.diagnosis.residuals import (
 )
 from flexviz.analysis.diagnosis.thresholds import THRESHOLDS
 from flexviz.analysis.estimation import noise_density
+from flexviz.analysis.identification import by_free_motion
 from flexviz.base.parallel import shared
 from flexviz.base.units import joint_unit
 from flexviz.content.records import ResidualLocation, ResidualMap
@@ -170,7 +171,13 @@ def maps_of(
     effects: Sequence[str] = (),
     check: Callable[[], None] = lambda: None,
 ) -> tuple[ResidualMap, ...]:
-    """Maps of a model with the set's effects and additional `effects`; nothing is fitted."""
+    """Maps of a model with the set's effects and additional `effects`; nothing is fitted.
+
+    Of joints that follow goals: of the error of their free motion [rad], without a spectrum.
+    """
+    if measurements.drive is not None:
+        found: tuple[ResidualMap, ...] = by_free_motion("free_maps")(measurements, model, check)
+        return found
     layout = layout_of(measurements, effects)
     context = FitContext(measurements, layout)
     check()

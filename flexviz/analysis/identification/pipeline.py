@@ -79,7 +79,7 @@ def identify(
     began, measurements = time.perf_counter(), set_of(measurements)
     chosen = fit_settings(settings, **options)
     if measurements.drive is not None:
-        found = by_free_motion("identify_servos")(measurements, chosen, progress, should_stop)
+        found = by_free_motion("identify_servos")(measurements, chosen, progress, should_stop, model)
         return remember(found, measurements)
     fitted, held_out = measurements.select(chosen.groups)
     noise = check_signals(measurements, (*fitted, *held_out))

@@ -113,8 +113,10 @@ def laws_of(
     """The laws of an identified model with the set's effects and additional `effects`.
 
     `covariance` (P, P) of its parameters gives each law its interval; `only` is the text of the only one to
-    draw.
+    draw. Joints that follow goals have no torque through which a law could be drawn.
     """
+    if measurements.drive is not None:
+        return ()
     layout = layout_of(measurements, effects)
     covariance = np.zeros((layout.size, layout.size)) if covariance is None else covariance
     chosen = [e for e in layout.effects if only in (None, e.text(layout.joints))]

@@ -8,7 +8,16 @@ its results are those of every diagnosis.
 """
 
 from flexviz.analysis.servo.diagnosing import diagnose_servos
+from flexviz.analysis.servo.free_errors import free_errors, free_maps, free_over_time
 from flexviz.analysis.servo.identifying import identify_servos
 from flexviz.analysis.servo.judge import FreeRun, TrajectoryJudge
 
-__all__ = ["FreeRun", "TrajectoryJudge", "diagnose_servos", "identify_servos"]
+__all__ = [
+    "FreeRun",
+    "TrajectoryJudge",
+    "diagnose_servos",
+    "free_errors",
+    "free_maps",
+    "free_over_time",
+    "identify_servos",
+]

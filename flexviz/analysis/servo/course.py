@@ -13,6 +13,7 @@ from flexviz.analysis.servo.fit import FINE, fit_servos
 from flexviz.analysis.servo.fits import REFINED, Keys, ServoModel, owners
 from flexviz.analysis.servo.judge import TrajectoryJudge
 from flexviz.analysis.servo.problem import ServoProblem
+from flexviz.base.arrays import Array
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.progress import Progress, ProgressCallback, StopCallback, ignore, never
@@ -53,12 +54,14 @@ class ServoCourse:
             raise Stopped
         self.progress(self.news)
 
-    def finished(self, model: ServoModel, steps: int = REFINED) -> ServoEstimate:
-        """A model, fitted until nothing changes."""
+    def finished(self, model: ServoModel, steps: int = REFINED, given: Array | None = None) -> ServoEstimate:
+        """A model, fitted until nothing changes; or with `given` values (P, n)."""
         problem = self.problem
-        values = model.values(problem.data.owner)
+        values = model.values(problem.data.owner) if given is None else given
         free = problem.free(model.keys)
-        (fit,) = fit_servos(problem.data, [(free, values)], steps, problem.samples, turn=FINE)
+        (fit,) = fit_servos(
+            problem.data, [(free, values)], steps if given is None else 0, problem.samples, turn=FINE
+        )
         every = [one for key in model.keys for one in problem.of_joints(key)]
         order = sorted(every, key=lambda k: (k.joint, SERVO_EFFECTS.index(k.effect)))
         sure = problem.scale_determined(free, fit.values)

@@ -164,6 +164,8 @@ class ServoEstimate:
         """An effect's parameters."""
         out = {}
         for p in of_effect(key.effect):
-            value, std, _ = self.graded(p, key.joint or 0)
-            out[NAMES[p].partition(".")[2]] = EffectParameter(value, std, self.unit(p))
+            j = key.joint or 0
+            value, std, _ = self.graded(p, j)
+            unknown: Grade | None = "no" if SCALED[p] and not self.determined[j] else None
+            out[NAMES[p].partition(".")[2]] = EffectParameter(value, std, self.unit(p), unknown)
         return out

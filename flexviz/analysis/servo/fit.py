@@ -111,8 +111,8 @@ def fit_servos(
 ) -> list[ServoFit]:  # fmt: skip
     """Models (free, values) fitted: Gauss–Newton steps with damping for each joint, or joints of one servo.
 
-    Until nothing changes, at most so many `iterations`. `weight`: (n,) independent samples of each joint; `motion`: stretches by which they are fitted, None:
-    those of all fit groups.
+    Until nothing changes, at most so many `iterations`. `weight`: (n,) independent samples of each joint;
+    `motion`: stretches by which they are fitted, None: those of all fit groups.
     """
     motion = motion or data.own
     todo = [_Descent(data, motion, free, values, weight) for free, values in models]

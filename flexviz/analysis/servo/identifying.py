@@ -16,7 +16,8 @@ from flexviz.base.facts import Fact
 from flexviz.base.progress import ProgressCallback, StopCallback
 from flexviz.content.records import ResidualSummary, normalised
 from flexviz.data.measurements import MeasurementSet
-from flexviz.model.servo import BAND, INDEX
+from flexviz.model.servo import BAND, INDEX, servo_values
+from flexviz.robot.model import FlexibleModel
 
 OBSERVER = "butterworth-zero-phase"  # of the accelerations of the measured motion
 
@@ -26,6 +27,7 @@ def identify_servos(
     settings: FitSettings,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
+    model: FlexibleModel | None = None,
 ) -> Identification:
     """Estimate gain, inertia, friction and effects of every servo; arguments as of `identify`."""
     measurements = with_settings(measurements, settings)
@@ -33,12 +35,13 @@ def identify_servos(
         course = ServoCourse(measurements, progress, should_stop)
         course.say(Fact("servo-stage", values={"stage": "fit"}))
         course.searching = False  # a fit takes seconds, and half of one is of no use
-        estimate = course.finished(course.problem.begin(), STEPS)
-        return identification(course, estimate)
+        given = None if model is None else servo_values(model)
+        estimate = course.finished(course.problem.begin(), STEPS, given)
+        return identification(course, estimate, "servo-fitted" if given is None else "servo-given")
 
 
-def identification(course: ServoCourse, estimate: ServoEstimate) -> Identification:
-    """The result of a model."""
+def identification(course: ServoCourse, estimate: ServoEstimate, how: str) -> Identification:
+    """The result of a model; `how` its values were found is a kind of fact."""
     set_, judge = course.measurements, course.judge.refreshed(estimate.values)
     errors, runs = judge.errors(estimate.values), judge.runs(estimate.values)
     parameters, noise = estimate.parameters(), np.array(judge.noise)
@@ -56,7 +59,7 @@ def identification(course: ServoCourse, estimate: ServoEstimate) -> Identificati
         noise_share=tuple(np.nan_to_num(normalised(errors.noise_floor, errors.spread)).tolist()),
         units=set_.torque_units,
     )  # fmt: skip
-    facts = (Fact("servo-fitted"), *notes(estimate))
+    facts = (Fact(how), *notes(estimate))
     return Identification(
         set_name=set_.name, observer_name=OBSERVER, bandwidth=float(2 * np.pi * BAND),
         groups=tuple(g.name for g in set_.fit_groups),

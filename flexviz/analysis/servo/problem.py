@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -66,10 +67,7 @@ class ServoProblem(ServoFits):
         out = []
         names = {k.effect for k in own}
         for effect in SERVO_EFFECTS:
-            law = EFFECTS[effect]
             if effect in names or any(EFFECTS[name].replaces == effect for name in names):
-                continue
-            if law.beside is not None and law.beside not in names:
                 continue
             shared = SHARED[of_effect(effect)[0]]
             out += [ChosenEffect(effect, int(j)) for j in (joints[:1] if shared else joints)]
@@ -82,14 +80,16 @@ class ServoProblem(ServoFits):
             own = self.own(model.keys, owner)
             for key in self.candidates(own, owner):
                 left = frozenset(k for k in own if EFFECTS[key.effect].replaces != k.effect)
-                asked.append((owner, left | {key}, state.values))
+                asked.append((owner, with_base(left, key), state.values))
         return self.tried(model, asked)
 
     def exchanged(self, model: ServoModel) -> list[tuple[Hashable, ServoModel]]:
         """Models with an effect in place of one for which it may be taken."""
         asked: list[Asked] = []
         for owner in model.states:
-            for key in self.own(model.keys, owner) - self.given:
+            own = self.own(model.keys, owner)
+            needed = {EFFECTS[k.effect].beside for k in own}
+            for key in (k for k in own - self.given if k.effect not in needed):
                 rivals = self.rivals(model, owner, key)
                 asked += [self.in_place(model, owner, key, other) for other in rivals]
         return self.tried(model, asked)
@@ -104,7 +104,7 @@ class ServoProblem(ServoFits):
         values = model.states[owner].values
         if (key.effect, other.effect) == ("driving_friction", "load_dependent_friction"):
             values = load_dependent(values)
-        return owner, (self.own(model.keys, owner) - {key}) | {other}, values
+        return owner, with_base(self.own(model.keys, owner) - {key}, other), values
 
     def tried(self, model: ServoModel, asked: list[Asked]) -> list[tuple[Hashable, ServoModel]]:
         """Models of which one servo has other effects, fitted: the best few of each servo."""
@@ -173,6 +173,13 @@ class ServoProblem(ServoFits):
         parameters = sum(len(of_effect(k.effect)) for k in model.keys - self.given)
         cost = self.criterion.cost(parameters, len(model.keys - self.given))
         return ModelScore(self.criterion.nats(sigma), self.criterion.nats(held), cost, sigma, held)
+
+
+def with_base(own: Keys, key: ChosenEffect) -> Keys:
+    """A servo's effects with one more, and with that beside which it stands."""
+    base = EFFECTS[key.effect].beside
+    missing = base is not None and all(k.effect != base for k in own)
+    return own | {key} | ({replace(key, effect=base)} if missing else set())
 
 
 def _order(key: ChosenEffect) -> int:

@@ -36,6 +36,7 @@ class RobotMotion:
     torque: Array | None = None  # (M, n) measured [Nm]
     determined: Bools | None = None  # (n,) whether the deflection of a joint is; None: of every joint
     model_determined: Bools | None = None  # the same of the model: whether its stiffness is
+    rigid: bool = False  # no joint has elasticity: there is no deflection to draw or to speak of
 
     def at(self, values: Array, time: float) -> Array:
         """values (M, n) linearly interpolated at one instant [s]: (n,)."""
@@ -116,6 +117,13 @@ def scene_labels(
         if motion.model_theta is None:
             return measured, f"{why}:\nshows the measured link side"
         return measured, f"{name}, error ×{error:g}\nlink side q (simulated)"
+    if motion.rigid:
+        return (
+            first,
+            f"{why}:\nshows the measured motion"
+            if motion.model_theta is None
+            else f"{name}, error ×{error:g}",
+        )
     if motion.deflection is None:
         measured = f"{first}\ndeflection unknown before Run"
     else:
@@ -134,9 +142,11 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     time = np.linspace(start, end, count)
     recorded = group.joined("time")
     theta, torque = (_columns(time, recorded, group.joined(name)) for name in ("theta", "tau"))
-    link = group.at("q", time)
+    link, rigid = group.at("q", time), set(measurements.rigid) == set(measurements.joints)
     if link is not None and np.isfinite(link).all():
         deflection, source = theta - link, "link encoders"
+    elif rigid:
+        link, deflection, source = None, None, ""
     else:
         link = None
         deflection, source = _deflection(measurements, group, result, time)
@@ -144,7 +154,7 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     determined = known if link is None and deflection is not None else None
     return RobotMotion(
         group.name, time, theta, deflection, source, link=link, torque=torque, determined=determined,
-        model_determined=known,
+        model_determined=known, rigid=rigid and link is None,
     )  # fmt: skip
 
 
@@ -160,7 +170,7 @@ def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
     return replace(
         motion,
         model_theta=_columns(motion.time, run.time, run.theta),
-        model_deflection=_columns(motion.time, run.time, run.theta - run.q),
+        model_deflection=None if motion.rigid else _columns(motion.time, run.time, run.theta - run.q),
         model_note=getattr(run, "note", "") or "",
     )
 

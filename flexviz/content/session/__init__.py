@@ -17,6 +17,7 @@ from flexviz.content.session.state import (
     identified_errors,
     now,
     with_roles,
+    with_settings,
 )
 
 __all__ = [
@@ -47,5 +48,6 @@ __all__ = [
     "save_session",
     "standing",
     "with_roles",
+    "with_settings",
     "zipped",
 ]

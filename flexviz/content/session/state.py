@@ -22,7 +22,7 @@ from flexviz.base.errors import InputError, choose_from
 from flexviz.base.fields import Once, SetPath
 from flexviz.base.names import names_of
 from flexviz.content.wording import tied_families
-from flexviz.data.measurements import MeasurementSet
+from flexviz.data.measurements import Drive, MeasurementSet
 from flexviz.model.observers import EsoGains
 
 Role = Literal["fit", "validate", "ignore"]
@@ -56,11 +56,13 @@ class Settings:
         path: folder of the measurement set.
         roles: (group, role) of every group, in the order of the set.
         fit: how it is identified, with the effects added to those of the set; its groups follow the roles.
+        drive: what is stated of servos that follow goals; None: as the set states it.
     """
 
     path: SetPath
     roles: Roles = ()
     fit: FitSettings = field(default_factory=FitSettings)
+    drive: Drive | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -69,7 +71,7 @@ class Settings:
 
     def alike(self, other: Settings | None) -> bool:
         """Whether both are the same; the order in which effects were added is no matter."""
-        if other is None or (self.path, self.roles) != (other.path, other.roles):
+        if other is None or (self.path, self.roles, self.drive) != (other.path, other.roles, other.drive):
             return False
         mine, others = sorted(self.effects), sorted(other.effects)
         return mine == others and replace(self.fit, effects=other.effects) == other.fit
@@ -80,7 +82,7 @@ class Analysis(Settings):
     """One state of an analysis.
 
     Attributes:
-        path, roles, fit: its settings.
+        path, roles, fit, drive: its settings.
         identification, fitted: the last result and the settings it belongs to.
         diagnosis, diagnosed: the last diagnosis and the settings it belongs to. The diagnosis chooses
             observer and stages itself; but what it says is not true of values found with others.
@@ -106,7 +108,7 @@ class Analysis(Settings):
     @property
     def settings(self) -> Settings:
         """Everything that its results depend on."""
-        return Settings(self.path, self.roles, self.fit)
+        return Settings(self.path, self.roles, self.fit, self.drive)
 
     @property
     def up_to_date(self) -> bool:
@@ -140,6 +142,10 @@ class Analysis(Settings):
         if role not in ROLES:
             raise InputError(f'role "{role}" does not exist; {choose_from(role, ROLES)}')
         return replace(self, roles=tuple((name, role if name == group else old) for name, old in self.roles))
+
+    def with_drive(self, drive: Drive) -> Analysis:
+        """A copy that states something else of its servos."""
+        return replace(self, drive=drive)
 
     def with_fit(self, **options: Unpack[FitOptions]) -> Analysis:
         """A copy with other fields of `fit`."""
@@ -287,9 +293,15 @@ def with_roles(measurements: MeasurementSet, roles: Mapping[str, Role]) -> Measu
     return replace(measurements, groups=groups)
 
 
+def with_settings(measurements: MeasurementSet, settings: Settings) -> MeasurementSet:
+    """The set with roles and servos of a session's settings, but without their effects."""
+    chosen = with_roles(measurements, dict(settings.roles))
+    return chosen if settings.drive is None else replace(chosen, drive=settings.drive)
+
+
 def identified_errors(measurements: MeasurementSet, analysis: Analysis) -> PredictionErrors | None:
     """Errors of the identified model in the band that models are compared in; None without a result."""
     result, fitted = analysis.identification, analysis.fitted
     if result is None or fitted is None:
         return None
-    return prediction_errors(with_roles(measurements, dict(fitted.roles)), result.model, fitted.effects)
+    return prediction_errors(with_settings(measurements, fitted), result.model, fitted.effects)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from flexviz.content.blocks import LISTED, Block, Paragraph, TableBlock, explanation, table, warning
-from flexviz.content.wording import mounting_text, number, plain_name, plural, temperature_text
+from flexviz.content.wording import listed, mounting_text, number, plain_name, plural, temperature_text
 from flexviz.data.measurements import Group, MeasurementSet
 
 SIMULATED = "Simulated data: a simulator wrote this measurement set, no robot was recorded."
@@ -17,14 +17,24 @@ def set_rows(measurements: MeasurementSet) -> list[list[str]]:
     seconds = sum(group.duration for group in measurements.groups)
     length = f"{number(seconds, 3)} s" if seconds < LONG else f"{number(seconds / 60, 3)} min"
     recorded = f"{plural(len(measurements.groups), 'group')}, {length}, {rate_text(measurements.groups)} Hz"
-    gains = "given: replayed in closed loop" if measurements.kp is not None else "not given"
     return [
         ["Robot", f"{measurements.robot.name}, {plural(measurements.n, 'joint')}"],
         ["Mounting", mounting_text(measurements.robot.gravity) or "upright"],
         ["Recorded", recorded],
-        ["Controller gains", gains],
+        driven_row(measurements),
         ["Effects in the set", ", ".join(map(plain_name, measurements.effects)) or "none"],
     ]
+
+
+def driven_row(measurements: MeasurementSet) -> list[str]:
+    """What is known of what drives the joints."""
+    drive = measurements.drive
+    if drive is None:
+        gains = "given: replayed in closed loop" if measurements.kp is not None else "not given"
+        return ["Controller gains", gains]
+    same = "; ".join(listed(list(names)) for names in drive.same)
+    kp = f"kp {', '.join(f'{value:g}' for value in drive.kp)} Nm/rad" if drive.kp else "kp estimated"
+    return ["Driven by", f"goals of servos, no torque recorded; {kp}{f'; alike: {same}' if same else ''}"]
 
 
 def rate_text(groups: Sequence[Group]) -> str:

@@ -87,18 +87,23 @@ def _table(parameters: Iterable[ParameterEstimate]) -> blocks.TableBlock:
     )
 
 
-def parameter_panel(result: Identification | None, truth: Truth | None = None) -> list[blocks.Block]:
-    """The same by symbols and joints, with SI prefixes, and the `truth` of a simulated set on request."""
+def parameter_panel(
+    result: Identification | None, truth: Truth | None = None, goals: bool = False
+) -> list[blocks.Block]:
+    """The same by symbols and joints, with SI prefixes, and the `truth` of a simulated set on request.
+
+    Joints that follow `goals` need no observer, which could be refined.
+    """
     if result is None:
         waiting = explanation("The parameters appear here after Run.")
         return [waiting] if truth is None else [Paragraph(_hidden(truth)), waiting]
     main = [p for p in physical(result.parameters) if p.name not in INERTIAL_NAMES]
     inertial = [p for p in result.parameters if p.name in INERTIAL_NAMES]
     hidden = [] if truth is None else [Paragraph(_hidden(truth))]
-    out: list[blocks.Block] = [*hidden, _symbols(main, truth), *link_side_blocks(result)]
+    out: list[blocks.Block] = [*hidden, _symbols(main, truth, not goals), *link_side_blocks(result)]
     legend = " ".join(f"{MARKS[k]} {k}" for k in MARKS)
     out.append(explanation(f"id. = identifiable: {legend}. ⚑ at its bound."))
-    if not result.refined:
+    if not result.refined and not goals:
         text = "± 95 % does not cover lag and droop of the filter: Refine removes the observer's bias."
         out.append(explanation(text))
     if len(main) + len(inertial) < len(result.parameters):
@@ -119,7 +124,10 @@ def _hidden(truth: Truth) -> str:
     return f"Truth: {said}."
 
 
-def _symbols(parameters: Iterable[ParameterEstimate], truth: Truth | None) -> blocks.TableBlock:
+def _symbols(
+    parameters: Iterable[ParameterEstimate], truth: Truth | None, started: bool = True
+) -> blocks.TableBlock:
+    """`started`: from values of their own, which are told."""
     rows = []
     for p in parameters:
         half = NORMAL_95 * p.std if math.isfinite(p.std) else 0.0
@@ -131,11 +139,12 @@ def _symbols(parameters: Iterable[ParameterEstimate], truth: Truth | None) -> bl
         name = Cell(label + (" ⚑" if p.at_bound else ""), tip=plain_name(p.name))
         grade = Cell(f"{MARKS.get(p.identifiable, '')} {p.identifiable}", tone=p.identifiable)
         ties = ", ".join(map(_tied, p.tied_to[:LISTED])) + (" …" if len(p.tied_to) > LISTED else "")
-        start = number(None if p.start is None else factor * p.start, 3)
-        rows.append([name, p.joint or "", start, Cell(value, strong=True), error, *real, unit, grade, ties])
-    head = ["", "", "start", "value", "± 95 %", *(["truth"] if truth is not None else []), "unit", "id.", ""]
+        start = [number(None if p.start is None else factor * p.start, 3)] if started else []
+        rows.append([name, p.joint or "", *start, Cell(value, strong=True), error, *real, unit, grade, ties])
+    head = ["", "", *(["start"] if started else []), "value", "± 95 %"]
+    head += [*(["truth"] if truth is not None else []), "unit", "id.", ""]
     last = len(head) - 1
-    return blocks.table(head, rows, (2, 3, 4), group=1, below={last: "tied to"})
+    return blocks.table(head, rows, (2, 3, 4) if started else (2, 3), group=1, below={last: "tied to"})
 
 
 def _tied(name: str) -> str:
@@ -204,7 +213,10 @@ def combination_table(combinations: Sequence[Combination]) -> blocks.TableBlock:
 def _source(content: Story) -> str:
     """The source of the values, and the meaning of the marks."""
     found = content.identification
-    if found is not None:
+    if found is not None and content.measurements.drive is not None:
+        groups = f"{plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
+        how = f"Identified by the free motion from the goals of {groups}"
+    elif found is not None:
         how = f"Identified with the observer {found.observer_name}" + (", refined" if found.refined else "")
         how += f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
     else:

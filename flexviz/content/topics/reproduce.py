@@ -63,16 +63,18 @@ def _settings(content: Story) -> TableBlock:
         ["robot description", str(robot.source)],
         ["torque hold", f"{measurements.torque_hold:g} s"],
     ]
-    if content.identification is not None:
+    observed = measurements.drive is None  # the motion of servos is simulated instead
+    if content.identification is not None and observed:
         found = content.identification
         given = analysis.fit.bandwidth is not None or analysis.fit.gains is not None
         shown = found.observer_entry.tuning if given else "default"
         rows.append(["observer of the identification", f"{found.observer_name}, bandwidth {shown}"])
         rows.append(["refined", "yes" if found.refined else "no"])
     if content.diagnosis is not None:
-        rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
-        guard = content.diagnosis.guard
-        rows.append(["bandwidth check", "none: see the option --guard" if guard is None else "see above"])
+        if observed:
+            rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
+            guard = content.diagnosis.guard
+            rows.append(["bandwidth check", "none: see the option --guard" if guard is None else "see above"])
         rows.append(["time of the diagnosis", f"{number(content.diagnosis.seconds, 3)} s"])
     rows.append(
         ["versions", f"flexviz {__version__}, Python {platform.python_version()}, {', '.join(versions)}"]
@@ -109,6 +111,7 @@ def _uses_defaults(content: Story) -> bool:
     analysis = content.analysis
     plain = Analysis.start(content.measurements).roles == analysis.roles
     found = [finding.text for finding in content.found]
+    plain = plain and analysis.drive is None
     return plain and list(analysis.effects) == found and content.identification is None
 
 
@@ -127,16 +130,17 @@ def program(content: Story) -> str:
         lines.append(f"measurements = flexviz.read_set({str(content.measurements.path)!r})")
     if analysis.roles != Analysis.start(content.measurements).roles:
         lines.append(f"measurements = with_roles(measurements, {dict(analysis.roles)!r})")
+    if analysis.drive is not None:
+        lines.append(
+            f"measurements = replace(measurements, drive=flexviz.data.measurements.{analysis.drive!r})"
+        )
     effects = list(analysis.effects)
     if content.identification is not None:
         lines += [
             "identification = flexviz.identify(",
             "    measurements,",
             f"    effects={effects!r},",
-            f"    observer={analysis.fit.observer!r},",
-            f"    bandwidth={analysis.fit.bandwidth!r},",
-            *([f"    gains=flexviz.{analysis.fit.gains!r},"] if analysis.fit.gains else []),
-            f"    refine={analysis.fit.refine!r},",
+            *(_observer_lines(analysis) if content.measurements.drive is None else []),
             ")",
         ]
     if content.diagnosis is not None:
@@ -145,6 +149,16 @@ def program(content: Story) -> str:
             "diagnosis = flexviz.diagnose(complete, apply=False)",
         ]
     return "\n".join(lines)
+
+
+def _observer_lines(analysis: Analysis) -> list[str]:
+    """Arguments of the identification that servos do not have."""
+    return [
+        f"    observer={analysis.fit.observer!r},",
+        f"    bandwidth={analysis.fit.bandwidth!r},",
+        *([f"    gains=flexviz.{analysis.fit.gains!r},"] if analysis.fit.gains else []),
+        f"    refine={analysis.fit.refine!r},",
+    ]
 
 
 def _check(content: Story) -> str:

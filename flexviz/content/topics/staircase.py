@@ -32,9 +32,16 @@ from flexviz.content.topics.verdict import fall, joints_of
 from flexviz.content.wording import error_in_torque, number, text_names
 
 MAX_MODELS = 7  # columns of a report's table
-ABOUT = (
+MEASURE = (
     "Rms of the torque residual in per cent of the spread of the recorded torque, in one frequency band for "
-    "all models; of all joints: the mean. The noise is what the sensors alone would leave, the same for all "
+    "all models"
+)
+MEASURE_FREE = (
+    "Rms of simulated minus measured angle in per cent of the spread of goal minus position; every group is "
+    "simulated from its goals alone, from its first sample to its last"
+)
+ABOUT = (
+    "of all joints: the mean. The noise is what the sensors alone would leave, the same for all "
     "models. Held-out groups are never fitted. Model 0 is the model of the set"
 )
 
@@ -64,7 +71,9 @@ class Staircase(Topic):
         return section(
             self.title if len(steps) > 1 else "The error",
             *_top(story, steps),
-            explanation(f"{ABOUT}{first}{adds}."),
+            explanation(
+                f"{MEASURE if story.measurements.drive is None else MEASURE_FREE}; {ABOUT}{first}{adds}."
+            ),
             _groups(story, steps),
             joint_table(steps, story.joints, story.spread, MAX_MODELS) if len(story.joints) > 1 else None,
         )

@@ -9,7 +9,7 @@ from flexviz.content.blocks import SMALL_HEIGHT, Figures, Section, explanation, 
 from flexviz.content.records import stated_errors
 from flexviz.content.topics.story import Story
 from flexviz.content.topics.topic import Topic, register
-from flexviz.content.wording import error_short, error_whole
+from flexviz.content.wording import driving_signal, error_short, error_whole
 
 
 class Torque(Topic):
@@ -39,14 +39,18 @@ class Torque(Topic):
                 f"Error {' → '.join([*(error_short(e, j) for e in before), error_whole(last, j)])}."
                 for j in range(len(story.joints))
             ]
+        signal = driving_signal(story.measurements.drive is not None)
         units = story.measurements.torque_units
         held_out = story.measurements.group(group).validation
         kind = "held out: it was not fitted" if held_out else "fitted"
         first = "before: model 0; after: the present model. " if len(names) > 1 else ""
+        goals = story.measurements.drive is not None
+        band = "goal less position, simulated from the goals alone" if goals else "below 5 Hz"
+        title = "How far the goals are ahead, measured and of the model" if goals else self.title
         return section(
-            self.title,
-            explanation(f"Group {group} ({kind}), below 5 Hz; {first}In a good model the lines coincide."),
-            Figures(view.torque_fit_charts(found, story.joints, names, notes, SMALL_HEIGHT, units)),
+            title,
+            explanation(f"Group {group} ({kind}), {band}; {first}In a good model the lines coincide."),
+            Figures(view.torque_fit_charts(found, story.joints, names, notes, SMALL_HEIGHT, units, signal)),
         )
 
 

@@ -4,6 +4,8 @@ from flexviz.content.results import evidence_chart, law_chart, law_difference, s
 from flexviz.content.view.effect_matrix import joint_effects, joints_with, matrix_html, with_joints
 from flexviz.content.view.effects import (
     COMMON_EFFECTS,
+    SERVO_KIND,
+    SERVO_ONLY,
     addable_effects,
     by_title,
     card_html,
@@ -11,6 +13,7 @@ from flexviz.content.view.effects import (
     effects_note,
     more_effects,
     so_far_html,
+    suits,
     why_fixed,
 )
 from flexviz.content.view.fit_charts import (

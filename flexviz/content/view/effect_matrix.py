@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexviz.content.view.effects import addable_effects
+from flexviz.content.view.effects import SERVO_ONLY, addable_effects, suits
 from flexviz.content.wording import effect_title, escape, short_names
 from flexviz.model.effects import EFFECTS
 
@@ -12,9 +12,10 @@ OWN, ADDED = "●", "✓"
 SHORT_HEAD = 3  # characters of the head of a column that is not set upright
 
 
-def joint_effects() -> tuple[str, ...]:
-    """Names of the effects that a single joint may have."""
-    return tuple(name for name in addable_effects() if EFFECTS[name].scope == "joint")
+def joint_effects(goals: bool = False) -> tuple[str, ...]:
+    """Names of the effects that a single joint may have; `goals`: one that follows them."""
+    known = (*addable_effects(), *(SERVO_ONLY if goals else ()))
+    return tuple(name for name in known if EFFECTS[name].scope == "joint" and suits(name, goals))
 
 
 def joints_with(effect: str, effects: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:

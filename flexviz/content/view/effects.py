@@ -18,10 +18,14 @@ from flexviz.content.wording import (
     lower,
     parameter_text,
 )
-from flexviz.model.effects import EFFECTS, Effect
+from flexviz.model.effects import EFFECTS, GOAL_EFFECT_NAMES, Effect
+from flexviz.model.servo import SERVO_EFFECTS
 
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
 """Always listed; the others are in folded sections."""
+SERVO_ONLY = tuple(name for name in SERVO_EFFECTS if name in GOAL_EFFECT_NAMES)
+"""Parts of the law of a servo that follows goals."""
+SERVO_KIND = "Servo and its goal"
 
 MAX_PICTURE_BYTES = 60_000
 KINDS = {
@@ -45,6 +49,11 @@ def more_effects() -> dict[str, tuple[str, ...]]:
         names = tuple(n for n in addable_effects() if EFFECTS[n].where == where and n not in COMMON_EFFECTS)
         groups[kind] = (*groups.get(kind, ()), *names)
     return {kind: names for kind, names in groups.items() if names}
+
+
+def suits(effect: str, goals: bool) -> bool:
+    """Whether joints can have an effect: those that follow `goals`, or those whose torque was recorded."""
+    return effect in SERVO_EFFECTS if goals else effect not in SERVO_ONLY
 
 
 def effect_hint(effect: Effect) -> str:

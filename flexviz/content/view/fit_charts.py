@@ -65,15 +65,20 @@ def convergence_charts(
     iterations: Sequence[Iteration],
     ends: Sequence[JointErrors] = (),
     result: Identification | None = None,
+    goals: bool = False,
 ) -> tuple[Chart, ...]:
     """Error at the end of each stage, relative cost, parameters relative to their present values.
 
     `ends` are the errors at the start and at the end of each stage; `result` is what the iterations led to,
-    with the intervals of its parameters, or a result without iterations.
+    with the intervals of its parameters, or one without iterations, as of joints that follow `goals`.
     """
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
-        if result is not None:
+        if result is not None and goals:
+            note = (
+                "The free motion of joints that follow goals is fitted in one go: there is no course to draw."
+            )
+        elif result is not None:
             note = f"The values of this model come from the diagnosis; Run fits them anew. {note}"
         return no_chart("error", note), no_chart("cost"), no_chart("parameters")
     count = max(len(iterations), 2)

@@ -12,9 +12,17 @@ from flexviz.analysis.diagnosis import Step as DiagnosisStep
 from flexviz.base.arrays import Array
 from flexviz.base.units import joint_unit, unit_of_all
 from flexviz.content.charts import COLOURS, cividis, css, gradient
-from flexviz.content.records import TORQUE, JointErrors, stated_errors
+from flexviz.content.records import FOLLOWING, TORQUE, JointErrors, stated_errors
 from flexviz.content.scene import RobotMotion
-from flexviz.content.wording import error_hover, error_whole, escape, number, short_names
+from flexviz.content.wording import (
+    TORQUE_SIGNAL,
+    DrivingSignal,
+    error_hover,
+    error_whole,
+    escape,
+    number,
+    short_names,
+)
 
 Errors = PredictionErrors | DiagnosisStep
 LEAST_END = 5.0  # times the noise: errors below are never drawn bright
@@ -51,8 +59,10 @@ def legend_html(
     found: LinkColours | None,
     names: Sequence[str] = ("identified",),
     arcs: bool = True,
+    rigid: bool = False,
+    signal: DrivingSignal = TORQUE_SIGNAL,
 ) -> str:
-    """Legend of the scene; `names` are those of the models."""
+    """Legend of the scene; `names` are those of the models, `rigid`: no joint has elasticity."""
     parts = [f"{_box(COLOURS.measured)}measured"]
     colours = zip(names, (COLOURS.model, COLOURS.beside), strict=False)
     parts += [f"{_box(colour, 'fv-ghost')}{escape(name)}" for name, colour in colours]
@@ -60,14 +70,21 @@ def legend_html(
     if found is None:
         rows.append('<span class="fv-dim">Links are coloured by their error after Run.</span>')
     else:
-        tip = f"rms below {BAND_HERTZ:g} Hz, of the validation groups if there are any: as in the status line"
+        band = "of the simulated motion" if found.errors.unit == FOLLOWING else f"below {BAND_HERTZ:g} Hz"
+        tip = f"rms {band}, of the validation groups if there are any: as in the status line"
         rows.append(
             f'<span class="fv-tip" title="{tip}">Link: error [{found.errors.unit}]</span> 0 '
             f'<span class="fv-map" style="background:{gradient()}"></span> {number(found.end, 3)}'
         )
     if arcs:
         ends = '<span class="fv-dim">(half a turn: value after /)</span>'
-        rows.append(f"{_arc(COLOURS.torque)} τ {_arc(COLOURS.deflection)} deflection {ends}")
+        deflection = "" if rigid else f" {_arc(COLOURS.deflection)} deflection"
+        symbol = (
+            f'<span title="{signal.explanation}">{signal.symbol}</span>'
+            if signal.explanation
+            else signal.symbol
+        )
+        rows.append(f"{_arc(COLOURS.torque)} {symbol}{deflection} {ends}")
     return f'<div class="fv">{"".join(f"<div>{row}</div>" for row in rows)}</div>'
 
 
@@ -87,6 +104,7 @@ def joints_html(
     chosen: int = -1,
     missing: Mapping[str, str] = MappingProxyType({}),
     units: Sequence[str] = (),
+    signal: DrivingSignal = TORQUE_SIGNAL,
 ) -> str:
     """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs.
 
@@ -107,13 +125,15 @@ def joints_html(
             f'style="background:{css(colours[index])}"></span>{escape(name)}{_mark(missing.get(full))}</td>',
             f'<td{tip} data-fv-count="{escape(full)} error">{error}</td>',
             _load(torque, torque_end, index, 1.0),
-            _load(deflection, deflection_end, index, 1e3, hatched),
+            *([] if motion.rigid else [_load(deflection, deflection_end, index, 1e3, hatched)]),
         ]
         look = "fv-joint fv-chosen" if index == chosen else "fv-joint"
         node, texts = full.replace("/", "_"), [escape(full)]
         if torque is not None:
-            texts.append(f"torque {number(float(torque[index]), 3)} {units[index]}")
-        if hatched:
+            texts.append(
+                f"{signal.within.removeprefix('the ')} {number(float(torque[index]), 3)} {units[index]}"
+            )
+        if hatched and not motion.rigid:
             texts.append("deflection not determined")
         elif deflection is not None:
             texts.append(f"deflection {number(1e3 * float(deflection[index]), 3)} {lengths[index]}")
@@ -124,7 +144,8 @@ def joints_html(
         data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
         rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
     unit = "error" if found is None else f"error [{'%' if found.errors.relative else found.errors.unit}]"
-    loads = f"<th>τ [{unit_of_all(units)}]</th><th>θ − q [{unit_of_all(lengths)}]</th>"
+    loads = f"<th>{signal.symbol} [{unit_of_all(units)}]</th>"
+    loads += "" if motion.rigid else f"<th>θ − q [{unit_of_all(lengths)}]</th>"
     head = f"<th>joint</th><th>{unit}</th>{loads}"
     table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'
     return f'<div class="fv">{table}</div>'

@@ -13,7 +13,8 @@ from flexviz.content.wording import escape, issue_text, listed, number, plural
 from flexviz.data.importing import ColumnPreview, Draft, LogPreview, Proposal
 from flexviz.data.importing import Mapping as LogMapping
 
-OWN_SIGNALS = {"theta": "θ", "tau": "τ", "q": "q", "tau_joint": "joint torque", "theta_ref": "reference"}
+OWN_SIGNALS = {"theta": "θ", "tau": "τ", "q": "q", "tau_joint": "joint torque", "theta_ref": "ref"}
+GOAL = "goal"  # a reference that drives the joints
 WIDTH, HEIGHT = 84, 30  # [px] of a small plot
 KEYS = {"unit": "unit", "side": "side", "sign": "sign", "offset": "offset"}
 Scales = Mapping[tuple[str, str], float]  # (joint, signal) -> one unit of its column in SI at the joint
@@ -41,7 +42,8 @@ def shown_signals(draft: Draft) -> dict[str, str]:
     """Signal -> symbol of the rows: θ, τ or its goal, and what else a joint has a column of."""
     present = {name for joint in draft.joints.values() for name in joint.signals}
     shown = {*present, *draft.needed}
-    return {name: symbol for name, symbol in OWN_SIGNALS.items() if name in shown}
+    symbols = OWN_SIGNALS | ({"theta_ref": GOAL} if draft.drive else {})
+    return {name: symbol for name, symbol in symbols.items() if name in shown}
 
 
 def own_columns_html(
@@ -146,15 +148,21 @@ def _change_text(one: Proposal) -> str:
 
 
 def own_files_html(
-    robot: str, joints: int, logs: Sequence[str], refused: Mapping[str, str], where: str
+    robot: str,
+    joints: int,
+    logs: Sequence[str],
+    refused: Mapping[str, str],
+    where: str,
+    notes: Sequence[str] = (),
 ) -> str:
-    """The files in use, those that are not with the reason, and `where` all of them stay."""
+    """The files in use, those that are not with the reason, `where` all of them stay, `notes` of reading."""
     used = f"<b>{escape(robot)}</b>: {plural(joints, 'joint')}. Logs: {escape(listed(list(logs)))}."
     rows = "".join(
         f'<div class="fv-doubt">Not used: <b>{escape(name)}</b>: {escape(why)}</div>'
         for name, why in refused.items()
     )
-    return f'<div class="fv">{used} <span class="fv-dim">{escape(where)}</span>{rows}</div>'
+    said = "".join(f'<div class="fv-dim">• {escape(note)}</div>' for note in notes)
+    return f'<div class="fv">{used} <span class="fv-dim">{escape(where)}</span>{rows}{said}</div>'
 
 
 def own_runs_html(draft: Draft) -> str:
@@ -169,8 +177,10 @@ def own_runs_html(draft: Draft) -> str:
     return f'<div class="fv"><table class="fv-table fv-left fv-runs">{head}{rows}</table></div>'
 
 
-def own_state_html(missing: Sequence[str], issues: Sequence[Issue], checked: bool) -> str:
-    """What keeps the set from being opened, in a few words."""
+def own_state_html(
+    missing: Sequence[str], issues: Sequence[Issue], checked: bool, goals: bool = False
+) -> str:
+    """What keeps the set from being opened, in a few words; `goals` drive the joints."""
     if missing:
         items = "".join(f"<div>• {escape(text)}</div>" for text in missing)
         return f'<div class="fv fv-doubt"><b>Still to be stated:</b>{items}</div>'
@@ -183,7 +193,9 @@ def own_state_html(missing: Sequence[str], issues: Sequence[Issue], checked: boo
         return f'<div class="fv fv-doubt"><b>{text}</b></div>'
     if odd:
         return '<div class="fv fv-warn">Checked: nothing is wrong, but see what looks odd above.</div>'
-    return '<div class="fv fv-dim">Checked: the robot\'s masses do not contradict these columns.</div>'
+    good = "the robot's masses do not contradict these columns"
+    good = "the joints follow these goals" if goals else good
+    return f'<div class="fv fv-dim">Checked: {good}.</div>'
 
 
 def known_scales(draft: Draft) -> dict[tuple[str, str], float]:

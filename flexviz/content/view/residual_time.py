@@ -11,9 +11,9 @@ from flexviz.base.arrays import Array
 from flexviz.base.statistics import NORMAL_95
 from flexviz.content.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, finite, no_chart, thin
 from flexviz.content.view.residuals import EMPTY, HEIGHT, left_out
+from flexviz.content.wording import TORQUE_SIGNAL, DrivingSignal
 
 MARGIN = 1.05  # times the largest residual: end of the axis
-UNIT = "Nm"  # of every residual over time, however small
 BEFORE, RESIDUAL, FITTED, TUNED = "before", "residual", "as identified", "with this observer"  # of the lines
 
 
@@ -28,6 +28,7 @@ class BeforeAfter:
         first: the first fit of the session, whose residual sets the axis.
         zoomed: whether the present residual is drawn alone, on an axis that suits it.
         live: the present model's residual with the observer that is being tuned; the fit itself is then grey.
+        signal: what drives the joints, of which it is left.
     """
 
     present: Identification | None
@@ -36,6 +37,7 @@ class BeforeAfter:
     first: Identification | None = None
     zoomed: bool = False
     live: ObservedResidual | None = None
+    signal: DrivingSignal = TORQUE_SIGNAL
 
     def drawn(self, group: str, joint: int) -> tuple[Array, Array] | None:
         """Time (M,) [s] and residual (M,) [Nm] in colour; None without one."""
@@ -97,7 +99,7 @@ def residual_chart(
     band = (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),) if np.isfinite(floor) else ()
     noise = float(half[0]) if band else 0.0
     end = MARGIN * max(fits.largest(group, joint), float(np.abs(line).max()), noise)
-    axis = ChartAxis(unit=UNIT, limits=(-end, end) if end > 0 else None)
+    axis = ChartAxis(unit=fits.signal.unit, limits=(-end, end) if end > 0 else None)
     chart = Chart("residual", title, y=axis, series=tuple(lines), ribbons=band, playhead=True)
     return chart.spans(*(span or whole))
 

@@ -71,14 +71,14 @@ def leading_map(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
     return max(of_joint, key=lambda m: m.explained, default=None)
 
 
-def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
-    """One joint's residual against every variable with the noise ribbon, and its spectrum.
+def map_charts(maps: Sequence[ResidualMap], joint: str, unit: str = "Nm") -> tuple[Chart, ...]:
+    """One joint's residual in a unit against every variable with the noise ribbon, and its spectrum.
 
     The chart against position has one curve per direction of motion if the direction matters.
     """
     drawn = {name: map_of(maps, joint, name) for name in CHARTED}
     drawn["position"] = _directed(maps, joint) or drawn["position"]
-    charts = [no_chart(name) if one is None else map_chart(one, name) for name, one in drawn.items()]
+    charts = [no_chart(name) if one is None else map_chart(one, name, unit) for name, one in drawn.items()]
     spectrum = map_of(maps, joint, "frequency")
     return (*charts, no_chart("spectrum") if spectrum is None else spectrum_chart(spectrum))
 
@@ -93,7 +93,7 @@ def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
     return both if more > max(DIRECTION_GAIN, both.explained_std) else None
 
 
-def map_chart(one: ResidualMap, key: str = "") -> Chart:
+def map_chart(one: ResidualMap, key: str = "", unit: str = "Nm") -> Chart:
     """The mean residual against one variable, with the 95 % ribbon of noise."""
     key = key or one.variable
     known = np.isfinite(one.mean).any(axis=0) & np.isfinite(one.std).any(axis=0)
@@ -114,10 +114,10 @@ def map_chart(one: ResidualMap, key: str = "") -> Chart:
         key,
         f"Residual of {one.joint} against {key}, {share:.0f} %",
         ChartAxis(f"{one.variable} of {one.joint}", one.unit),
-        ChartAxis("mean residual", "Nm"),
+        ChartAxis("mean residual", unit),
         tuple(series),
         (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),),
-        description=f"{words} Largest mean: {number(float(np.nanmax(np.abs(mean))), 3)} Nm.",
+        description=f"{words} Largest mean: {number(float(np.nanmax(np.abs(mean))), 3)} {unit}.",
         highlights=(one.range,) if notable(one) else None,
         height=HEIGHT,
     )

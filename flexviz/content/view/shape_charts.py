@@ -10,6 +10,7 @@ from flexviz.analysis.identification import Identification
 from flexviz.base.arrays import Array
 from flexviz.content.charts import COLOURS, Chart, ChartAxis, ChartSeries
 from flexviz.content.view.time_charts import model_torque
+from flexviz.content.wording import TORQUE_SIGNAL, DrivingSignal
 from flexviz.data.measurements import Group
 
 PHASE_POINTS = 500  # per line
@@ -20,8 +21,14 @@ LEAST_DENSITY = 1e-6  # of the largest, drawn on a logarithmic axis
 HEIGHT = 230  # [px]
 
 
-def shape_charts(group: Group, joint: int, name: str, result: Identification | None) -> tuple[Chart, ...]:
-    """Torque against the motor angle, and the spectra of torque and residual."""
+def shape_charts(
+    group: Group,
+    joint: int,
+    name: str,
+    result: Identification | None,
+    signal: DrivingSignal = TORQUE_SIGNAL,
+) -> tuple[Chart, ...]:
+    """What drives the joint against the motor angle, and the spectra of that and of the residual."""
     longest = max(group.segments, key=len)
     time, theta, tau = longest.time, longest.theta[:, joint], longest.tau[:, joint]
     lines = [("measured", COLOURS.measured, time, tau)]
@@ -31,13 +38,13 @@ def shape_charts(group: Group, joint: int, name: str, result: Identification | N
         if inside.any():  # this segment may have been too short for the observer
             kinds = (("model", COLOURS.model, model[1]), ("residual", COLOURS.residual, model[2]))
             lines += [(label, colour, model[0][inside], values[inside]) for label, colour, values in kinds]
-    return _phase(name, time, theta, lines[:2]), _spectra(name, lines)
+    return _phase(name, time, theta, lines[:2], signal), _spectra(name, lines, signal)
 
 
 Line = tuple[str, str, Array, Array]  # label, colour, time (N,) [s], torque (N,) [Nm]
 
 
-def _phase(name: str, time: Array, theta: Array, lines: list[Line]) -> Chart:
+def _phase(name: str, time: Array, theta: Array, lines: list[Line], signal: DrivingSignal) -> Chart:
     """Points of torque over angle; friction opens a loop, a spring bends its middle."""
     first, last = max(line[2][0] for line in lines), min(line[2][-1] for line in lines)
     at = np.linspace(first, last, PHASE_POINTS)
@@ -47,11 +54,11 @@ def _phase(name: str, time: Array, theta: Array, lines: list[Line]) -> Chart:
         ChartSeries(label, colour, angle[order], np.interp(at, when, values)[order], 0.0, points=True)
         for label, colour, when, values in lines
     )
-    x, y = ChartAxis("θ", "rad"), ChartAxis("torque", "Nm")
-    return Chart("phase", f"Torque against motor angle, {name}", x, y, series, height=HEIGHT)
+    x, y = ChartAxis("θ", "rad"), ChartAxis(signal.title.lower(), signal.unit)
+    return Chart("phase", f"{signal.title} against motor angle, {name}", x, y, series, height=HEIGHT)
 
 
-def _spectra(name: str, lines: list[Line]) -> Chart:
+def _spectra(name: str, lines: list[Line], signal: DrivingSignal) -> Chart:
     """Amplitude spectral densities on the coarsest of the sampling rates."""
     first, last = max(line[2][0] for line in lines), min(line[2][-1] for line in lines)
     step = max(float(np.median(np.diff(line[2]))) for line in lines)
@@ -69,7 +76,8 @@ def _spectra(name: str, lines: list[Line]) -> Chart:
         series.append(ChartSeries(label, colour, hertz, density))
     # the unit is that of the measured torque: the same for every model
     least = LEAST_DENSITY * float(series[0].y.max(initial=0.0))
-    factor, unit = (1.0, "Nm/√Hz") if least >= LEAST_WRITTEN else (1e3, "mNm/√Hz")
+    factor, prefix = (1.0, "") if least >= LEAST_WRITTEN else (1e3, "m")
+    unit = f"{prefix}{signal.unit}/√Hz"
     series = [replace(one, y=factor * one.y) for one in series]
-    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", unit, logarithmic=True)
-    return Chart("spectrum", f"Spectrum of the torque, {name}", x, y, tuple(series), height=HEIGHT)
+    x, y = ChartAxis("frequency", "Hz"), ChartAxis(signal.title.lower(), unit, logarithmic=True)
+    return Chart("spectrum", f"Spectrum of {signal.within}, {name}", x, y, tuple(series), height=HEIGHT)

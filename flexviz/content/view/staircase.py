@@ -11,7 +11,7 @@ import numpy as np
 from flexviz.analysis.diagnosis import BAND_HERTZ, PredictionErrors, Step
 from flexviz.content import wording
 from flexviz.content.charts import Chart, no_chart
-from flexviz.content.records import JointErrors, ParameterEstimate, stated_errors
+from flexviz.content.records import FOLLOWING, JointErrors, ParameterEstimate, percent_of, stated_errors
 from flexviz.content.results import staircase_chart
 from flexviz.content.session import Analysis, ModelStep
 from flexviz.content.wording import error_hover, error_short
@@ -22,6 +22,7 @@ NO_STEPS = (
     "press Find the missing effect (step 4, Diagnose), then Add and refit."
 )
 COMPARED_IN = f"Error: rms residual below {BAND_HERTZ:g} Hz, the same measure for every model and observer"
+COMPARED_FREE = "Error: rms of simulated minus measured angle, from the goals alone, without a restart"
 KEY = (
     '<div class="fv-stair-key"><span class="fit"></span> fit <span class="held"></span> validation '
     "┊ noise</div>"
@@ -135,7 +136,7 @@ def staircase_html(
     return (
         f'<div class="fv"><table class="fv-table"><tr><th>Error [{stated.unit}]</th><th>fit</th>'
         f'<th>validation</th></tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{wording.escape(left)}'
-        f"{COMPARED_IN}.</div></div>"
+        f"{COMPARED_FREE if stated.unit == FOLLOWING else COMPARED_IN}.</div></div>"
     )
 
 
@@ -168,8 +169,9 @@ def run_name(analysis: Analysis, joints: Sequence[str], roles: object = None) ->
         return ""
     width = wording.listed([f"{w:.3g}" for w in dict.fromkeys(np.ravel(result.bandwidth).tolist())])
     added = ", ".join(wording.text_names(fitted.effects, joints))
+    run, goals = f"Run{f' with {added}' if added else ''}", percent_of(result.residual.units) == FOLLOWING
     return (
-        f"Run{f' with {added}' if added else ''}: {result.observer_name}, {width} rad/s"
+        (run if goals else f"{run}: {result.observer_name}, {width} rad/s")
         + ("" if result.refined or not result.iterations else ", plain fit")
         + (", other groups" if roles not in (None, fitted.roles) else "")
     )

@@ -16,6 +16,7 @@ from flexviz.content.session import Analysis, standing
 from flexviz.content.view.link_colours import LEAST_END
 from flexviz.content.wording import error_hover, error_in_torque, error_short, escape, number
 
+LEFT = "Where it fails</b> shows what is left"
 OF_EARLIER = "of an earlier model"
 
 
@@ -113,7 +114,7 @@ def wrong_html(
     share = found.shares[worst]
     error = f"{number(share, 2)} %" if math.isfinite(share) else error_in_torque(found, worst)
     return (
-        f'<div class="fv fv-wrong" title="rms residual by the torque of that joint">This arm\'s model is '
+        f'<div class="fv fv-wrong" title="rms residual, {found.percent} of that joint">This arm\'s model is '
         f"wrong by {error} on {escape(joints[worst])}. Find out why.</div>"
     )
 
@@ -151,9 +152,9 @@ def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
         return go("Diagnose", "find", "Find the missing effect")
     if diagnosis.verdict == "missing" and diagnosis.findings:
         return go("Diagnose", "add", "Add and refit", " and watch the error fall")
-    if len(analysis.model_steps) > 1:
-        return NextStep("", "", "Done: the tab <b>Compare</b> shows how the error fell.")
-    return NextStep("", "", "Done: the tab <b>Where it fails</b> shows what is left.")
+    seen = "Compare</b> shows how the error fell" if len(analysis.model_steps) > 1 else LEFT
+    take = "<b>Export model</b>" if current == "Data" else "step Data, then <b>Export model</b>,"
+    return NextStep("Data", "export", f"Done: the tab <b>{seen}; {take} takes the model along.")
 
 
 def steps_done(analysis: Analysis) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from flexviz.content.charts import COLOURS, Chart, ChartAxis, ChartSeries, no_ch
 from flexviz.content.scene import RobotMotion
 from flexviz.content.view.residual_time import BeforeAfter, over_time, residual_chart
 from flexviz.content.view.residuals import left_out
-from flexviz.content.wording import number
+from flexviz.content.wording import TORQUE_SIGNAL, DrivingSignal, number
 from flexviz.data.measurements import Group, Segment
 from flexviz.model.observers import EsoGains, Observer, make_observer
 
@@ -55,15 +55,18 @@ def signals_charts(
     motion: RobotMotion | None,
     span: tuple[float, float] | None = None,
 ) -> tuple[Chart, ...]:
-    """Torque, residual and motor-angle error of one joint, in a span of time [s]."""
+    """What drives one joint, residual and motor-angle error, in a span of time [s].
+
+    Of joints that follow goals the residual is the motor-angle error, which is drawn once.
+    """
     time, recorded = torque(group, joint)
-    result = fits.present
+    result, signal = fits.present, fits.signal
     first, last = span or (float(time[0]), float(time[-1]))
     time, recorded = within((first, last), time, recorded)
     lines = [("measured", COLOURS.measured, recorded)]
     model = model_torque(group, joint, result)
     if model is None:
-        why = "Model torque and residual appear here after Run (step 3, Identify)."
+        why = f"{signal.waiting} here after Run (step 3, Identify)."
         second = no_chart("residual", why if result is None else left_out(group.name))
         shown = time
     else:
@@ -73,16 +76,22 @@ def signals_charts(
         modelled = np.interp(shown, model_time, explained)
         lines = [("measured", COLOURS.measured, recorded[inside]), ("model", COLOURS.model, modelled)]
         second = signal_residual(group, joint, name, fits, (first, last))
-    upper = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
-    charts = (upper, second, _error_chart(joint, name, motion, (first, last)))
+    upper = time_chart("torque", f"{signal.title}, {name}", signal.unit, shown, lines, height=SIGNAL_HEIGHT)
+    charts = [upper, second]
+    if signal is TORQUE_SIGNAL:
+        charts.append(_error_chart(joint, name, motion, (first, last)))
     return tuple(chart.spans(first, last) for chart in charts)
 
 
 def signal_residual(
-    group: Group, joint: int, name: str, fits: BeforeAfter, span: tuple[float, float]
+    group: Group,
+    joint: int,
+    name: str,
+    fits: BeforeAfter,
+    span: tuple[float, float],
 ) -> Chart:
     """The residual of one joint in a span of time [s]."""
-    drawn = residual_chart(fits, joint, group.name, f"Residual, {name}", span)
+    drawn = residual_chart(fits, joint, group.name, f"{fits.signal.residual}, {name}", span)
     return no_chart("residual") if drawn is None else replace(drawn, height=SIGNAL_HEIGHT)
 
 
@@ -126,6 +135,7 @@ def states_charts(
     torque_hold: float = 0.0,
     at: float = 0.0,
     span: tuple[float, float] | None = None,
+    signal: DrivingSignal = TORQUE_SIGNAL,
 ) -> tuple[Chart, ...]:
     """One chart each for θ and its derivatives up to the 4th, τ and the disturbance of one joint.
 
@@ -151,7 +161,7 @@ def states_charts(
         state(*which, column, recorded=None if column else -2) for column, which in enumerate(THETA_STATES)
     ]
     charts[0] = replace(charts[0], note=f"{cut}{note}")
-    charts.append(state("tau", "τ", "Nm", 5, recorded=-1))
+    charts.append(state("tau", signal.symbol, signal.unit, 5, recorded=-1))
     if len(columns) > 6:
         charts.append(state("disturbance", "disturbance", "rad/s⁵", 6))
     else:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from flexviz.analysis.diagnosis import TorqueOverTime
 from flexviz.content.charts import COLOURS, DASHED, TIME, Chart, ChartAxis, ChartSeries, thin
+from flexviz.content.wording import TORQUE_SIGNAL, DrivingSignal
 
 
 def torque_fit_charts(
@@ -15,6 +16,7 @@ def torque_fit_charts(
     notes: Sequence[str],
     height: int,
     units: Sequence[str] = (),
+    signal: DrivingSignal = TORQUE_SIGNAL,
 ) -> list[Chart]:
     """One chart per joint.
 
@@ -24,12 +26,13 @@ def torque_fit_charts(
         names: of the models, in the legend.
         notes: one per joint.
         height: [px].
+        signal: what drives the joints.
         units: of the joints' torque; empty if all are in Nm.
     """
     charts = []
     colours = (COLOURS.reference, COLOURS.model)[-len(found.residuals) :]
     for j, joint in enumerate(joints):
-        torque = ChartAxis("torque", units[j] if units else "Nm")
+        torque = ChartAxis(signal.title.lower(), units[j] if units else "Nm")
         torques = [found.torque[:, j], *(found.torque[:, j] - left[:, j] for left in found.residuals)]
         time, lines = thin(found.time, torques)
         drawn = [ChartSeries("measured", COLOURS.measured, time, lines[0], 3.0)]
@@ -39,7 +42,7 @@ def torque_fit_charts(
         charts.append(
             Chart(
                 f"torque:{joint}", joint, TIME, torque, tuple(drawn),
-                description=f"Torque of {joint} over time: measured, {', '.join(names)}. {notes[j]}",
+                description=f"{signal.title} of {joint} over time: measured, {', '.join(names)}. {notes[j]}",
                 note=notes[j], height=height,
             )
         )  # fmt: skip

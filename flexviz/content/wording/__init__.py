@@ -94,6 +94,7 @@ from flexviz.content.wording.numbers import (
     temperature_text,
     unit_text,
 )
+from flexviz.content.wording.signals import TORQUE_SIGNAL, DrivingSignal, driving_signal
 from flexviz.content.wording.topics.searching import separating_motion
 from flexviz.content.wording.trace import TRACE_TITLE, decoys_text, told_moves
 from flexviz.content.wording.verdicts import (

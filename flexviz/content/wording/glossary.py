@@ -26,12 +26,23 @@ class Term:
 
 
 GLOSSARY = (
-    Term("residual", "Measured torque minus the torque of the model.", r"[Rr]esiduals?"),
+    Term(
+        "residual",
+        "Measured torque minus the torque of the model; of joints that follow goals, simulated minus "
+        "measured angle.",
+        r"[Rr]esiduals?",
+    ),
     Term(
         "% of the torque",
         "The size of an error: rms residual ÷ standard deviation of the joint's recorded torque over all "
         "groups, which no model changes.",
         r"% of (?:the|its) torque",
+    ),
+    Term(
+        "% of the following error",
+        "The size of an error of joints that follow goals: rms of simulated minus measured angle ÷ standard "
+        "deviation of goal minus position.",
+        r"% of (?:the|its) following error",
     ),
     Term(
         "noise",
@@ -48,6 +59,7 @@ GLOSSARY = (
     ),
     Term("payload", "A body of known mass that is fixed to a link.", r"[Pp]ayloads?"),
     Term("K", "Stiffness of the joint [Nm/rad]: torque per radian of deflection."),
+    Term("kp", "Gain of a servo's position control [Nm/rad]: torque per radian of goal minus position."),
     Term("B", "Motor inertia [kg m²], reflected to the joint (times the gear ratio squared)."),
     Term("f_lv", "Viscous friction on the link side [Nm s/rad]."),
     Term("f_mv", "Viscous friction on the motor side, reflected to the joint [Nm s/rad]."),

@@ -146,6 +146,7 @@ SYMBOLS = {
     "link_viscous_friction": "f_lv",
     "motor_viscous_friction": "f_mv",
     "viscous_friction_sum": "f_lv+f_mv",
+    "position_control.gain": "kp",
 }
 
 

@@ -84,6 +84,7 @@ class Draft:
         default_factory=list
     )  # keys for the user to decide, and why
 
+    notes: list[str] = field(default_factory=list)  # of these lines those on goals and joints left out
     alike: list[str] = field(default_factory=list)  # comments: joints that may have one type of servo
     accepted: list[Proposal] = field(default_factory=list)  # of the logs and of the whole
 
@@ -118,7 +119,12 @@ class Draft:
     def leave_out(self, joint: str, why: str) -> None:
         """Draft no entry for a joint, which is then locked at zero; the reason stands among what was seen."""
         del self.joints[joint]
-        self.seen.append(f"  left out: {why}")
+        self.note(f"left out: {why}")
+
+    def note(self, text: str) -> None:
+        """Say what a user has to know of how the logs were read."""
+        self.seen.append(f"  {text}")
+        self.notes.append(text)
 
     def apply(self, fixes: tuple[Fix, ...], why: str) -> None:
         """Apply fixes, and comment on the reason."""

@@ -14,7 +14,7 @@ from flexviz.data.measurements import LEAST_GOALS
 from flexviz.robot.robot import Robot
 
 
-def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bool:
+def goals_drive(roles: dict[str, ColumnFamily], log: Log, draft: Draft) -> bool:
     """Whether goals stand in for the torque: there is none, or a register that is none.
 
     That is a current without a sign, or a load without a unit; it is left out of `roles`.
@@ -32,9 +32,9 @@ def goals_drive(roles: dict[str, ColumnFamily], log: Log, seen: list[str]) -> bo
         no_torque = (
             Fact("unsigned-current", columns=columns) if current else Fact("load-register", columns=columns)
         )
-        seen.append(f"  {no_torque}")
+        draft.note(str(no_torque))
         del roles["tau"]
-    seen.append(f"  {Fact('goals-drive', columns=(roles['theta_ref'].name,))}")
+    draft.note(str(Fact("goals-drive", columns=(roles["theta_ref"].name,))))
     return True
 
 

@@ -93,7 +93,7 @@ def inspect_logs(
     families = families_of(logs[0], whole.joints)
     ready = recognised(logs[0], whole.joints)
     roles = choose_roles(families, asked, draft.seen) if ready is None else dict(ready.roles)
-    draft.drive = goals_drive(roles, logs[0], draft.seen)
+    draft.drive = goals_drive(roles, logs[0], draft)
     for name in (name for name in draft.needed if name not in roles):
         known = "; ".join(family.name for family in families[:12])
         together = f"; columns that belong together: {known}" if known else ""
@@ -276,9 +276,8 @@ def fill_joints(
         if joint not in covered and any(columns.values()):
             lacks = tuple(name for name, column in columns.items() if column is None)
             only = tuple(column for column in columns.values() if column)
-            draft.seen.append(
-                f"  left out: {Fact('half-recorded', 'odd', (joint,), columns=only, values={'lacks': lacks})}"
-            )
+            fact = Fact("half-recorded", "odd", (joint,), columns=only, values={"lacks": lacks})
+            draft.note(f"left out: {fact}")
     for joint in (joint for joint in robot.joints if joint in covered):
         entry = draft.joints[joint] = DraftJoint()
         for name, family in roles.items():

@@ -92,7 +92,7 @@ RIVALS = (
         "quadratic_friction",
     ),
     ("torque_offset", "cable_spring"),
-    ("dead_band", "coulomb_friction"),  # both leave a joint beside its goal
+    ("dead_band", "coulomb_friction", "stribeck_friction"),  # all leave a joint beside its goal
 )
 """Effects that may be taken for each other."""
 

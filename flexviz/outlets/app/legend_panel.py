@@ -14,7 +14,7 @@ from flexviz.content.view import (
     model_name,
     name_with_error,
 )
-from flexviz.content.wording import finding_title
+from flexviz.content.wording import driving_signal, finding_title
 from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import Page
 from flexviz.outlets.app.state import Changed, Turn
@@ -63,15 +63,15 @@ class LegendPanel:
 
     def _draw(self) -> None:
         store, motion = self._store, self._store.motion
-        found = colours_of(store, store.errors)
+        found, signal = colours_of(store, store.errors), driving_signal(store.measurements.drive is not None)
         names = model_names(store)
-        self._robots.content = legend_html(found, names, store.view.arcs)
+        self._robots.content = legend_html(found, names, store.view.arcs, motion.rigid, signal)
         diagnosis = store.analysis.current_diagnosis
         findings = diagnosis.findings if diagnosis and standing(store.analysis).verdict == "present" else ()
         missing = {one.joint: finding_title(one) for one in reversed(findings) if one.joint}
         self._drawn = (
             (store.measurements.joints, found, motion),
-            (store.joint, missing, store.measurements.torque_units),
+            (store.joint, missing, store.measurements.torque_units, signal),
         )
         self._at = -1.0
         self._draw_joints()

@@ -31,6 +31,10 @@ SCRUB_REST = 0.8  # [s] without automatic updates after the user has moved the t
 SIDES = ("motor side θ", "link side q")
 NUMBER = re.compile(r"(?<!\d)-?\d+\.?\d*")
 MAX_TYPED = 40  # characters of a span
+DEFLECTION = (
+    "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q; only of joints whose "
+    "stiffness the data determine"
+)
 SPEED_NAMES = tuple(f"{speed:g}×" for speed in SPEEDS)
 COMMAND = re.compile(r"\S+ (toggle|back|forward|seek|span) ?(.*)", re.DOTALL)  # after an own number
 
@@ -55,11 +59,7 @@ class PlaybackPanel:
             speed = page.dropdown("Speed", SPEED_NAMES, self._set_speed, initial_value="1×")
             hint = "what is played and drawn; drag across a plot to choose it, double click for all of it"
             self._span = page.watch(gui.add_text("Span [s]", "", hint=hint), self._set_span)
-            hint = (
-                "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q; only of joints "
-                "whose stiffness the data determine"
-            )
-            deflection = gui.add_slider("Deflection ×", 0, 500, 1, 1, hint=hint)
+            deflection = gui.add_slider("Deflection ×", 0, 500, 1, 1, hint=DEFLECTION)
             self._deflection = page.watch(deflection, self._set("deflection"))
             hint = "exaggerates simulated − measured motor angle of the identified robot"
             page.watch(gui.add_slider("Error ×", 1, 500, 1, 1, hint=hint), self._set("error"))
@@ -125,6 +125,7 @@ class PlaybackPanel:
         self._note.content = dim(
             f"Identified robot: {escape(motion.model_note)}" if motion.model_note else ""
         )
+        off(self._deflection, "no joint of this set has elasticity" if motion.rigid else "", DEFLECTION)
         why = "" if motion.link is not None else "the selected group has no link encoders"
         off(self._side, why, "compares motor angles, or link sides as the encoders measured them")
         if why and view.link_side:

@@ -20,7 +20,7 @@ from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.fleet import FleetTab
 from flexviz.outlets.app.page import Page, put
 from flexviz.outlets.app.page_script import PICTURE_LABEL
-from flexviz.outlets.app.residual_axis import ResidualAxis, before_after
+from flexviz.outlets.app.residual_axis import ResidualAxis, before_after, signal_of
 from flexviz.outlets.app.state import Changed, Highlight
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import hidden
@@ -119,7 +119,9 @@ class PlotPanel:
             bandwidth, gains = None, self._draft
         observer = view.observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
-        states = view.states_charts(store.group, store.joint, observer, hold, now, store.span)
+        states = view.states_charts(
+            store.group, store.joint, observer, hold, now, store.span, signal_of(store)
+        )
         self._states.show(self._of_joint(states))
 
     def _of_joint(self, charts: Iterable[Chart]) -> tuple[Chart, ...]:
@@ -140,7 +142,7 @@ class PlotPanel:
         which = store.group, store.joint, store.joint_name
         signals = view.signals_charts(*which, before_after(store), store.motion, store.span)
         signals = self._of_joint(signals)
-        self._signals.show((*signals, *self._of_joint(view.shape_charts(*which, result))))
+        self._signals.show((*signals, *self._of_joint(view.shape_charts(*which, result, signal_of(store)))))
         # under the staircase, too: what has fallen
         self._fallen.show(tuple(chart for chart in signals if chart.key == "residual" and chart.series))
         self._move()
@@ -201,7 +203,9 @@ class PlotPanel:
             ends = [stated_errors(one, spread) for one in derived.stage_errors]
         elif not (iterations or store.running):
             final = result
-        self._convergence.show(view.convergence_charts(iterations, ends, final))
+        self._convergence.show(
+            view.convergence_charts(iterations, ends, final, store.measurements.drive is not None)
+        )
 
 
 def in_units(store: Store, charts: Iterable[Chart]) -> tuple[Chart, ...]:
@@ -257,8 +261,8 @@ class ResidualTab:
         self._stopgap.content = view.free_html(curve)
         own = view.model_curve_charts(result.parameters) if result else ()
         self._draw_laws()
-        free = view.free_chart(curve)
-        self.charts.show((*own, free, *in_units(store, (residual, *view.map_charts(store.maps, name)))))
+        free, unit = view.free_chart(curve), signal_of(store).unit
+        self.charts.show((*own, free, *in_units(store, (residual, *view.map_charts(store.maps, name, unit)))))
         self._move()
         store.set_highlight(marked)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from flexviz.content.session import first_fit, fit_before
 from flexviz.content.view import BEFORE, BeforeAfter
+from flexviz.content.wording import DrivingSignal, driving_signal
 from flexviz.outlets.app.legend_panel import model_names
 from flexviz.outlets.app.page import Page, put
 from flexviz.outlets.app.state import Changed
@@ -16,6 +17,11 @@ ZOOM = "Zoom to present"
 HINT = "off: on the axis of the session's first model, together with the residual before in grey"
 
 
+def signal_of(store: Store) -> DrivingSignal:
+    """What drives the joints of the open set."""
+    return driving_signal(store.measurements.drive is not None)
+
+
 def before_after(store: Store) -> BeforeAfter:
     """The fits whose residuals are drawn."""
     before, name = fit_before(store.session), BEFORE
@@ -23,7 +29,9 @@ def before_after(store: Store) -> BeforeAfter:
         before, name = store.beside[1].result, model_names(store)[1]
     present = store.analysis.identification
     live = None if store.live is None or store.live.group != store.group.name else store.live.found
-    return BeforeAfter(present, before, name, first_fit(store.session), store.view.zoomed, live)
+    return BeforeAfter(
+        present, before, name, first_fit(store.session), store.view.zoomed, live, signal_of(store)
+    )
 
 
 class ResidualAxis:

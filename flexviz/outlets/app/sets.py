@@ -10,7 +10,7 @@ from flexviz.base.limits import read_json
 from flexviz.base.resources import sessions_dir
 from flexviz.checks import with_plausibility_warnings
 from flexviz.content.scene import robot_shape
-from flexviz.content.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
+from flexviz.content.session import SESSION_FILE, Analysis, is_session, open_session, with_settings
 from flexviz.content.view import truth_values
 from flexviz.data.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.outlets.app.state import Opened
@@ -40,8 +40,8 @@ def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
 
 
 def chosen_set(analysis: Analysis) -> MeasurementSet:
-    """The measurement set with the roles of the analysis."""
-    return with_roles(cached_set(analysis.path), dict(analysis.roles))
+    """The measurement set with the roles and servos of the analysis."""
+    return with_settings(cached_set(analysis.path), analysis)
 
 
 def cached_set(path: Path) -> MeasurementSet:

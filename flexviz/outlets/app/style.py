@@ -27,7 +27,7 @@ CSS = """
 .fv { font-size: 13px; line-height: 1.45; padding: 0 0.75em 0.45em; color: var(--fv-text); }
 .fv-dim { color: var(--fv-dimmed); }
 .fv-tag { background: #56B4E9; color: #000; border-radius: 3px; padding: 0 0.4em; font-size: 11px; }
-.fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; }
+.fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; overflow-wrap: anywhere; }
 .fv-steps { padding-top: 0.6em; font-size: 12px; word-spacing: -0.06em; }
 .fv-steps span, .fv-status span { white-space: nowrap; }
 .fv-steps .fv-now { font-weight: 700; border-bottom: 2px solid #0072B2; }
@@ -119,7 +119,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 @dark .fv-yes { color: #3CC8A0; }
 .fv-runs th { text-align: left; }
 .fv-own { table-layout: fixed; } .fv-own td { vertical-align: top; overflow-wrap: anywhere; }
-.fv-own col:nth-child(1) { width: 14px; } .fv-own col:nth-child(2) { width: 90px; }
+.fv-own col:nth-child(1) { width: 30px; } .fv-own col:nth-child(2) { width: 90px; }
 .fv-own tr[data-own] { cursor: pointer; } .fv-own tr[data-own]:hover { background: rgba(86, 180, 233, 0.25); }
 .fv-own svg { display: block; background: rgba(128, 128, 128, 0.1); border-radius: 2px; }
 @dark .fv-own polyline { stroke: #56B4E9; }

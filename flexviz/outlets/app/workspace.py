@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from flexviz.base.errors import InputError
 from flexviz.base.files import temporary_folder
 from flexviz.base.jobs import Task
 from flexviz.base.progress import ProgressCallback, StopCallback
-from flexviz.content.session import Session, SessionChanged, save_session, zipped
+from flexviz.content.session import Analysis, Session, SessionChanged, save_session, zipped
 from flexviz.data.measurements import MeasurementSet
 from flexviz.model.effects import EFFECTS
 from flexviz.model.simulation import Run, make_plan, simulate_preset, simulated_effects
@@ -88,6 +88,42 @@ def zip_file(session: Session, measurements: MeasurementSet) -> FileContent:
         folder = temporary / f"{measurements.name}-session"
         save_session(session, measurements, folder, carry=True)
         return FileContent(f"{folder.name}.zip", zipped(folder))
+
+
+@dataclass(frozen=True)
+class ModelFiles(FileContent):
+    """An export, and lines on what its formats do not contain."""
+
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExportModel(Task[ModelFiles]):
+    """The present model in one format, or in all of them (""): its only file, or a zip of all."""
+
+    in_process = False
+
+    analysis: Analysis
+    measurements: MeasurementSet
+    format: str
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> ModelFiles:
+        from flexviz.outlets.exporting import session_robot, write  # heavy
+
+        identified = session_robot(self.measurements, self.analysis)
+        with temporary_folder("export") as temporary:
+            folder = temporary / f"{self.measurements.name}-{self.format or 'export'}"
+            done = write(identified, folder, (self.format,) if self.format else ())
+            left = {text: None for name, texts in done.left_out.items() for text in _named(name, texts)}
+            lines = (*identified.remarks, *left)
+            files = [file for files in done.files.values() for file in files]
+            if len(files) == 1:
+                return ModelFiles(files[0].name, files[0].read_bytes(), lines)
+            return ModelFiles(f"{folder.name}.zip", zipped(folder), lines)
+
+
+def _named(name: str, texts: Sequence[str]) -> list[str]:
+    return [f"{name} does not contain {text}" for text in texts]
 
 
 @dataclass(frozen=True, eq=False)

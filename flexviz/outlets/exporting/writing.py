@@ -74,6 +74,11 @@ def formats_of(identified: IdentifiedRobot) -> dict[str, Callable[[IdentifiedRob
     return SERVO_FORMATS if follows_goals(identified.model) else FORMATS
 
 
+def formats_for(measurements: MeasurementSet) -> tuple[str, ...]:
+    """Names of the formats that can hold a model of this set."""
+    return tuple(FORMATS if measurements.drive is None else SERVO_FORMATS)
+
+
 def check_folder(folder: str | Path) -> Path:
     """The absolute folder; raises InputError if it cannot be written."""
     folder = Path(folder).absolute()

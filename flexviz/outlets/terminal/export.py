@@ -89,28 +89,11 @@ def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot
 def _from_session(source: Path, payload: str | None) -> IdentifiedRobot:
     """The current result of a session."""
     from flexviz.content.session import open_session
-    from flexviz.outlets.exporting import identified_robot
+    from flexviz.outlets.exporting import session_robot
 
     opened = open_session(source)
-    analysis = opened.session.analysis
-    diagnosis = analysis.diagnosis
-    found = analysis.identification or diagnosis
-    if found is None:
-        raise InputError(
-            "the session has no result, expected one with an identification, or the measurement set "
-            f"{opened.measurements.path}",
-            file=source,
-        )
-    current = analysis.up_to_date if found is analysis.identification else analysis.diagnosis_up_to_date
-    remarks = []
-    if opened.changed:
-        remarks.append(f"Changed since these values were found: {', '.join(opened.changed)}.")
-    elif not current:
-        remarks.append("The session's settings have been changed since these values were found.")
-    fits = found is not diagnosis and analysis.diagnosis_up_to_date
-    checked = diagnosis if fits else None
-    return identified_robot(
-        opened.measurements, found, payload=payload, diagnosis=checked, file=source, remarks=remarks
+    return session_robot(
+        opened.measurements, opened.session.analysis, changed=opened.changed, payload=payload, file=source
     )
 
 

@@ -27,13 +27,19 @@ def fitted(fact: Fact) -> str:
     return "fitted by the free motion from the goals alone"
 
 
+@says("servo-given")
+def given(fact: Fact) -> str:
+    """Where values come from that were not fitted."""
+    return "values as given; the motion is simulated with them"
+
+
 @says("no-scale")
 def no_scale(fact: Fact) -> str:
     """Joints of which only ratios are determined."""
     return (
         f"scale of {listed(list(fact.joints))} not determined: gain, inertia and friction are known in ratio "
-        "to each other only; state kp in [drive], hang a known mass on the joint, or say which servos are "
-        "alike (same in [drive])"
+        "to each other only; state their kp, say which servos are alike (kp and same in [drive]; in the app: "
+        "Servos in step Identify), or hang a known mass on the joint"
     )
 
 

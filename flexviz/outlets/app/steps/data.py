@@ -17,6 +17,7 @@ from flexviz.outlets.app.page import Page, warning
 from flexviz.outlets.app.sets import sets_beside
 from flexviz.outlets.app.state import Changed, Turn
 from flexviz.outlets.app.steps.another_set import AnotherSet
+from flexviz.outlets.app.steps.export import Export
 from flexviz.outlets.app.steps.files import Files
 from flexviz.outlets.app.steps.own_robot import OwnRobot
 from flexviz.outlets.app.steps.step import WorkflowStep
@@ -46,6 +47,8 @@ class DataStep(WorkflowStep):
         self._rows = gui.add_folder(None)
         self._hint = ExplainedHtml(gui)
         self._check = ExplainedHtml(gui)
+        export = Export(store, page)
+        self.next_buttons = {"export": export.button}
         self.files = Files(store, page)
         self.another = AnotherSet(store, page, self.own)
         page.command("Read the data again", lambda: store.open_path(self._shown()))

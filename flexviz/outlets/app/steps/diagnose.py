@@ -122,11 +122,13 @@ class DiagnoseStep(WorkflowStep):
         self.more.content = panel(more_blocks(current or analysis.identification))
         self.deciding.refresh()
         families = dict(pair for one in analysis.model_steps for pair in one.families)
-        self.model.show(store.measurements.effects, analysis.effects, joints, why, families)
+        goals = store.measurements.drive is not None
+        self.model.show(store.measurements.effects, analysis.effects, joints, why, families, goals)
         self._all.visible = current is not None and current.verdict == "missing" and bool(current.findings)
         off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
         self._why.content = dim(f"{capitalised(why)}." if why else "")
-        off(self._find, why, "identifies if needed, then tries every effect of the library on the residual")
+        tried = "that a servo may have" if goals else "of the library on the residual"
+        off(self._find, why, f"identifies if needed, then tries every effect {tried}")
 
     def _show_findings(self) -> None:
         """Show the findings; of new ones the first is open."""

@@ -26,6 +26,8 @@ class EffectMatrix:
         store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
 
     def _opened(self) -> None:
+        self._effects = by_title(joint_effects(self._store.measurements.drive is not None))
+        self._effect.options = tuple(self._effects)
         self._names = dict(
             zip(short_names(self._store.measurements.joints), self._store.measurements.joints, strict=True)
         )

@@ -28,6 +28,7 @@ class FindingEntry:
         self._finding: Finding | None = None  # whose evidence is shown
         self._group = ""
         self.opened = index == 0  # whether its evidence is shown
+        self._goals = False  # whether these drive the joints
         gui = page.gui
         self._text = ExplainedHtml(gui, visible=False)
         self._toggle = page.button("Show evidence", self._switch, visible=False)
@@ -48,6 +49,7 @@ class FindingEntry:
             put(self._folder, visible=False)
             return
         joints, members = store.measurements.joints, merged.members
+        self._goals = store.measurements.drive is not None
         here = (member for member in members if member.joint == store.joint_name)
         self._finding, self._group = next(here, members[0]), store.group.name
         self._text.content = panel(
@@ -61,6 +63,8 @@ class FindingEntry:
     def _show_evidence(self, finding: Finding) -> None:
         there = finding.evidence is not None or finding.law is not None
         why = "" if there else "only screened briefly, so there is no evidence"
+        if self._goals:
+            why = "no torque was recorded through which its law could be drawn; see the tab Compare"
         off(self._toggle, why, "the law of this effect through its data")
         shown = self.opened and there
         self._toggle.label = "Hide evidence" if shown else "Show evidence"
@@ -102,6 +106,7 @@ class ModelList:
         joints: tuple[str, ...],
         why: str,
         families: Families,
+        goals: bool = False,
     ) -> None:
         """Show the set's own and the added effects.
 
@@ -110,12 +115,13 @@ class ModelList:
             joints: all of the robot.
             why: the reason that none can be removed now.
             families: of those added effects that stand for one.
+            goals: drive the joints.
         """
         self._effects, self._joints, self._why, self._families = tuple(added), joints, why, families
         self._list()
         text = f"the set's own: {', '.join(text_names(own, joints))}" if own else ""
         if not own and not added:
-            text = "stiffness, inertia and viscous friction only"
+            text = f"{'gain' if goals else 'stiffness'}, inertia and viscous friction only"
         left = len(self._shown) - MAX_ROWS
         more = f" and {left} more" if left > 0 else ""
         self._heading.content = (

@@ -18,12 +18,13 @@ from flexviz.outlets.app.explained import ExplainedHtml
 from flexviz.outlets.app.page import CTRL, Page, dim, off, warning
 from flexviz.outlets.app.state import Changed, FitProgress, Turn
 from flexviz.outlets.app.steps.effect_matrix import EffectMatrix
+from flexviz.outlets.app.steps.servos import ServoEntries
 from flexviz.outlets.app.steps.step import WorkflowStep
 from flexviz.outlets.app.store import Store
 from flexviz.outlets.app.style import wide_label
 from flexviz.outlets.app.tasks import CheckParameters, Identify
 
-JOINT_EFFECTS = view.joint_effects()
+JOINT_EFFECTS = (*view.joint_effects(), *view.SERVO_ONLY)
 SETTLE = 0.7  # [s] without another change before the next check
 
 
@@ -35,6 +36,7 @@ class IdentifyStep(WorkflowStep):
     def build(self) -> None:
         store, page, gui = self.store, self.page, self.page.gui
         self.effects = EffectList(store, page)
+        ServoEntries(store, page)
         hint = "removes the observer's bias in a second stage; without it, the intervals leave this bias out"
         self._refine = page.checkbox(
             "Refine", True, lambda on: store.change("refine", store.analysis.with_fit(refine=on)), hint=hint
@@ -58,6 +60,7 @@ class IdentifyStep(WorkflowStep):
     def _opened(self) -> None:
         self._truth.visible = self.store.opened.truth is not None
         self._truth.value = False
+        self._refine.visible = self.store.measurements.drive is None  # servos need no observer
 
     def _show_check(self) -> None:
         self._check.content = self.store.check
@@ -105,7 +108,8 @@ class IdentifyStep(WorkflowStep):
         how = "ended at bounds" if held else "converged" if result.converged else "did not converge"
         message = f": {result.message}" if result.message and not result.converged else ""
         how = "stopped" if result.stopped else how
-        text = ". ".join([f"{how} after {count} in {number(result.seconds, 3)} s{message}", *told])
+        after = f" after {count}" if result.iterations else ""
+        text = ". ".join([f"{how}{after} in {number(result.seconds, 3)} s{message}", *told])
         self.store.say(text.removesuffix("."), "bad" if not result.converged else "warn" if held else "")
 
     def _draw_table(self) -> None:
@@ -113,7 +117,9 @@ class IdentifyStep(WorkflowStep):
         shown = result, truth if self._truth.value else None
         if self._drawn is None or any(a is not b for a, b in zip(self._drawn, shown, strict=True)):
             self._drawn = shown  # drawn once, not at every step of a slider
-            self._table.content = panel(parameter_panel(*shown))
+            self._table.content = panel(
+                parameter_panel(*shown, goals=self.store.measurements.drive is not None)
+            )
 
 
 class EffectList:
@@ -122,14 +128,16 @@ class EffectList:
     def __init__(self, store: Store, page: Page) -> None:
         self._store, self._page = store, page
         self.boxes: dict[str, Any] = {}
+        self._kinds: list[tuple[ExplainedHtml, tuple[str, ...]]] = []  # of more effects: head, names
         gui = page.gui
         with gui.add_folder("Effects in the model"):
             for name in view.COMMON_EFFECTS:
                 self._add(name)
             self._note = ExplainedHtml(gui, visible=False)
             with gui.add_folder("More effects", expand_by_default=False):
-                for kind, names in view.more_effects().items():
-                    ExplainedHtml(gui, f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
+                for kind, names in (*view.more_effects().items(), (view.SERVO_KIND, view.SERVO_ONLY)):
+                    head = ExplainedHtml(gui, f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
+                    self._kinds.append((head, names))
                     for name in names:
                         self._add(name)
             self.matrix = EffectMatrix(store, page)
@@ -141,11 +149,15 @@ class EffectList:
         self._page.style(wide_label, self.boxes[name])
 
     def _opened(self) -> None:
-        """Lock the set's own effects, which are always in the model."""
+        """Offer what suits the set; lock its own effects, which are always in the model."""
         measurements = self._store.measurements
+        goals = measurements.drive is not None
+        for head, names in self._kinds:
+            head.visible = any(view.suits(name, goals) for name in names)
         payloads = any(group.bodies for group in measurements.groups)
         for name, box in self.boxes.items():
             why = view.why_fixed(name, measurements.effects, payloads)
+            box.visible = view.suits(name, goals)
             about = view.effect_hint(EFFECTS[name])
             off(box, f"{why}. {about}" if why else "", about)
 
@@ -156,9 +168,7 @@ class EffectList:
         for name, box in self.boxes.items():
             everywhere = name in JOINT_EFFECTS and view.joints_with(name, chosen, joints) == joints
             box.value = name in chosen or everywhere
-        hidden = [
-            name for name in view.addable_effects() if name in chosen and name not in view.COMMON_EFFECTS
-        ]
+        hidden = [name for name in self.boxes if name in chosen and name not in view.COMMON_EFFECTS]
         hidden += [
             name for name in chosen if name not in self.boxes and name.partition(":")[0] not in JOINT_EFFECTS
         ]

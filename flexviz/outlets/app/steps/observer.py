@@ -26,6 +26,10 @@ from flexviz.outlets.app.tasks import Sweep
 from flexviz.outlets.app.uplot import ChartColumn
 
 LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth
+NO_OBSERVER = (
+    "Joints that follow goals are fitted by simulating their motion from the goals: no observer has to "
+    "differentiate it, and there is nothing to choose here. The tab States shows how the joints moved."
+)
 MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
 
 Widths = tuple[float, ...]  # [rad/s]
@@ -37,6 +41,16 @@ class ObserverStep(WorkflowStep):
     title = "Observer"
 
     def build(self) -> None:
+        page, gui = self.page, self.page.gui
+        self._none = ExplainedHtml(gui, dim(NO_OBSERVER), visible=False)
+        self._controls = gui.add_folder(None)
+        with self._controls:
+            self._build_controls()
+        page.command("Use the observer's own bandwidth", self._use_default)
+        self.store.subscribe(Changed.JOINT, self.refresh, Turn.CONTROLS)
+
+    def _build_controls(self) -> None:
+        """Create the controls of sets with an observer."""
         page, gui = self.page, self.page.gui
         self._type = page.dropdown("Observer type", tuple(OBSERVERS), self._choose)
         self._slider = page.watch(
@@ -58,11 +72,11 @@ class ObserverStep(WorkflowStep):
         GainsPanel(self.store, page, self.live.show_draft, self.live.below)
         self.sweep = BandwidthSweep(self.store, page, self._around, self._set_bandwidth)
         page.style(no_number_box, self._slider)
-        page.command("Use the observer's own bandwidth", self._use_default)
-        self.store.subscribe(Changed.JOINT, self.refresh, Turn.CONTROLS)
 
     def refresh(self) -> None:
         store, analysis = self.store, self.store.analysis
+        goals = store.measurements.drive is not None
+        self._none.visible, self._controls.visible = goals, not goals
         observer = self._present()
         width = float(observer.bandwidth)  # type: ignore[arg-type]
         self._type.value = analysis.fit.observer

@@ -189,8 +189,8 @@ class Constants:
         values = self._numbers(text, signed=True)
         if values is not None:
             set_constants(self.draft, "gear", values or [1.0] * len(self.draft.joints))
-            self._edited(list(self.draft.joints), "theta")
-            self._edited(list(self.draft.joints), "tau")
+            for name in self.draft.needed:
+                self._edited(list(self.draft.joints), name)
 
     def _type_constants(self, text: str) -> None:
         values = self._numbers(text)

@@ -145,7 +145,9 @@ class OwnRobot:
             self._show_mounting(own.draft)
         self._own = own
         refused = self._not_used | dict(own.refused)
-        self._files.content = own_files_html(own.robot, own.joints, own.logs, refused, self.where)
+        self._files.content = own_files_html(
+            own.robot, own.joints, own.logs, refused, self.where, own.draft.notes
+        )
         self._problem("")
         self._constants.draft = own.draft
         self._entry.show(own)
@@ -213,7 +215,7 @@ class OwnRobot:
             return
         self._constants.refresh()
         lacking = gaps(own.draft)
-        self._state.content = own_state_html(lacking, self._issues, self._checked)
+        self._state.content = own_state_html(lacking, self._issues, self._checked, own.draft.drive)
         scales = known_scales(edited(own.draft))
         self._table.content = own_columns_html(own.draft, own.preview, scales, self._issues, own.prismatic)
         self._run_table.content = own_runs_html(own.draft)
