@@ -106,7 +106,7 @@ def gaps(draft: Draft) -> list[str]:
     """What must still be stated, one sentence each."""
     joints = used(draft).joints
     found = []
-    driving = "the goal of θ" if draft.drive else "τ (motor torque or current)"
+    driving = "the goal of θ" if draft.drive else "τ (torque or current)"
     for name, title in zip(draft.needed, ("θ (motor angle)", driving), strict=True):
         lacking = [joint for joint, entry in joints.items() if name not in entry.signals]
         if lacking or not joints:
