@@ -30,7 +30,6 @@ TOML = """format = 1
 robot = "robot.urdf"
 joints = ["joint1", "joint2"]
 torque_hold = 0.001
-torque = "motor"
 
 [initial]
 stiffness = [2000, 1500.0]

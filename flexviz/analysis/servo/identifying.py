@@ -37,11 +37,12 @@ def identify_servos(
         course.searching = False  # a fit takes seconds, and half of one is of no use
         given = None if model is None else servo_values(model)
         estimate = course.finished(course.problem.begin(), STEPS, given)
-        return identification(course, estimate, "servo-fitted" if given is None else "servo-given")
+        how = Fact("servo-fitted") if given is None else Fact("servo-given")
+        return identification(course, estimate, how)
 
 
-def identification(course: ServoCourse, estimate: ServoEstimate, how: str) -> Identification:
-    """The result of a model; `how` its values were found is a kind of fact."""
+def identification(course: ServoCourse, estimate: ServoEstimate, how: Fact) -> Identification:
+    """The result of a model; `how` its values were found."""
     set_, judge = course.measurements, course.judge.refreshed(estimate.values)
     errors, runs = judge.errors(estimate.values), judge.runs(estimate.values)
     parameters, noise = estimate.parameters(), np.array(judge.noise)
@@ -59,7 +60,7 @@ def identification(course: ServoCourse, estimate: ServoEstimate, how: str) -> Id
         noise_share=tuple(np.nan_to_num(normalised(errors.noise_floor, errors.spread)).tolist()),
         units=set_.torque_units,
     )  # fmt: skip
-    facts = (Fact(how), *notes(estimate))
+    facts = (how, *notes(estimate))
     return Identification(
         set_name=set_.name, observer_name=OBSERVER, bandwidth=float(2 * np.pi * BAND),
         groups=tuple(g.name for g in set_.fit_groups),

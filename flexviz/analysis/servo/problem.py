@@ -12,7 +12,7 @@ from flexviz.analysis.servo.fits import REFINED, Asked, Keys, ServoFits, ServoMo
 from flexviz.base.arrays import Bools
 from flexviz.base.search import Gain, gain
 from flexviz.model.effects import EFFECTS, ChosenEffect
-from flexviz.model.servo import SERVO_EFFECTS, SHARED, load_dependent, of_effect, rivals_of
+from flexviz.model.servo import CASES, SERVO_EFFECTS, SHARED, of_effect, rivals_of
 
 STEPS = 30  # of a fit from rough values, at most
 TRIED = 6  # steps of every candidate, at most
@@ -102,8 +102,8 @@ class ServoProblem(ServoFits):
     def in_place(self, model: ServoModel, owner: int, key: ChosenEffect, other: ChosenEffect) -> Asked:
         """A servo with one effect in place of another, which begins with the same motion where it can."""
         values = model.states[owner].values
-        if (key.effect, other.effect) == ("driving_friction", "load_dependent_friction"):
-            values = load_dependent(values)
+        if alike := CASES.get((key.effect, other.effect)):
+            values = alike(values)
         return owner, with_base(self.own(model.keys, owner) - {key}, other), values
 
     def tried(self, model: ServoModel, asked: list[Asked]) -> list[tuple[Hashable, ServoModel]]:

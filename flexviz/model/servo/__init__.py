@@ -5,6 +5,7 @@ from flexviz.model.servo.free_motion import TURN, free_motion
 from flexviz.model.servo.model import GAIN, follows_goals, in_newtons, servo_model, servo_values
 from flexviz.model.servo.parameters import (
     ABSENT,
+    CASES,
     CENTER,
     INDEX,
     LOG,
@@ -19,7 +20,6 @@ from flexviz.model.servo.parameters import (
     START,
     TORQUE,
     absent,
-    load_dependent,
     of_effect,
     rivals_of,
 )
@@ -27,6 +27,7 @@ from flexviz.model.servo.parameters import (
 __all__ = [
     "ABSENT",
     "BAND",
+    "CASES",
     "CENTER",
     "GAIN",
     "INDEX",
@@ -48,7 +49,6 @@ __all__ = [
     "follows_goals",
     "free_motion",
     "in_newtons",
-    "load_dependent",
     "of_effect",
     "rivals_of",
     "servo_model",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -122,3 +123,9 @@ def load_dependent(values: Array) -> Array:
     out[SCALED] = np.where(np.isfinite(values[SCALED]), values[SCALED] / factor, values[SCALED])
     out[INDEX["load_dependent_friction.coefficient"]] += (forth + back) / (2.0 * factor)
     return out
+
+
+CASES: Mapping[tuple[str, str], Callable[[Array], Array]] = {
+    ("driving_friction", "load_dependent_friction"): load_dependent,
+}
+"""An effect, and another that is a case of it -> values with which the latter moves the joint alike."""
