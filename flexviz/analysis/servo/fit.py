@@ -19,7 +19,7 @@ FINE = 0.05  # [rad] of a servo's own vibration in a step, where values are stat
 FEW, ENOUGH = 24, 45  # stretches of a selection
 DAMPING = 1e-2, 0.2, 8.0  # at first; after a step that helps, and after one that does not
 FARTHEST = 1.5  # [-] a step of a logarithm
-SETTLED, PATIENCE = 0.3, 3  # [nats] so many steps that gain less each end a fit
+SETTLED, PATIENCE = 1.0, 2  # [nats] so many steps that gain less each end a fit
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ from flexviz.model.servo import (
     of_effect,
 )  # fmt: skip
 
-REFINED = 30  # steps of a fit at most
+REFINED = 15  # steps of a fit, at most
 EVIDENCE = THRESHOLDS.evidence
 
 Keys = frozenset[ChosenEffect]

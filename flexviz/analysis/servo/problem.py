@@ -15,7 +15,7 @@ from flexviz.model.effects import EFFECTS, ChosenEffect
 from flexviz.model.servo import CASES, SERVO_EFFECTS, SHARED, of_effect, rivals_of
 
 STEPS = 30  # of a fit from rough values, at most
-TRIED = 6  # steps of every candidate, at most
+TRIED = 3  # steps of every candidate, at most
 AT_NOISE = 1.1  # times what counts, to which a model comes that lacks nothing
 BEST = 3  # candidates of a joint that are refined
 
@@ -100,11 +100,12 @@ class ServoProblem(ServoFits):
         return [one for one in others if one != key and one.effect in rivals_of(key.effect)]
 
     def in_place(self, model: ServoModel, owner: int, key: ChosenEffect, other: ChosenEffect) -> Asked:
-        """A servo with one effect in place of another, which begins with the same motion where it can."""
-        values = model.states[owner].values
+        """A servo with one effect in place of another; one of which it is a case is fitted from its motion."""
+        keys, values = with_base(self.own(model.keys, owner) - {key}, other), model.states[owner].values
         if alike := CASES.get((key.effect, other.effect)):
             values = alike(values)
-        return owner, with_base(self.own(model.keys, owner) - {key}, other), values
+            self.fitted([(owner, keys, values)], REFINED)
+        return owner, keys, values
 
     def tried(self, model: ServoModel, asked: list[Asked]) -> list[tuple[Hashable, ServoModel]]:
         """Models of which one servo has other effects, fitted: the best few of each servo."""
@@ -123,7 +124,9 @@ class ServoProblem(ServoFits):
         for owner, keys, _ in best:
             rest = frozenset(k for k in others if int(self.data.owner[k.joint]) != owner)
             found = self.model(rest | keys)
-            if self.certainty(found, gain(self.score(model), self.score(found))) >= LEAST_SURE:
+            sure = self.certainty(found, gain(self.score(model), self.score(found)))
+            # what takes another's place is judged at the end, by what it gains against nothing
+            if len(found.keys) <= len(model.keys) or sure >= LEAST_SURE:
                 out.append((owner, found))
         return out
 

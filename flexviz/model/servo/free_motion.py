@@ -46,6 +46,7 @@ class _Integration:
         self.dt, self.sub = _steps(motion, p, turn)
         self.gain = p["gain"] * motion.scale + full
         self.limit, self.dead = p["torque_limit.limit"] + full, p["dead_band.half_width"] + full
+        self.least = -self.limit
         self.limited, self.banded = "torque_limit.limit" in self.used, "dead_band.half_width" in self.used
         self.drag = "quadratic_friction.quadratic" in self.used
         self.mass = p["motor_inertia"] + 0.5 * self.dt * p["motor_viscous_friction"]
@@ -104,10 +105,11 @@ class _Integration:
         e, f, q, w = self.e, self.f, self.q, self.w
         np.subtract(self.goals.middle(), q, out=e)
         if self.banded:
-            e -= np.clip(e, -self.dead, self.dead)
+            e -= np.maximum(np.minimum(e, self.dead), -self.dead)
         np.multiply(self.gain, e, out=f)
         if self.limited:
-            np.clip(f, -self.limit, self.limit, out=f)
+            np.minimum(f, self.limit, out=f)
+            np.maximum(f, self.least, out=f)
         f -= self.middle
         np.multiply(self.slope, q, out=e)
         f -= e
@@ -156,11 +158,13 @@ class _Goals:
         steps: int,
         full: Array,
     ) -> None:
+        lag, speed = p["goal_lag.time_constant"], p["goal_speed_limit.speed"]
+        # the variants of which a joint follows its goal through a low-pass, or no faster than a limit
+        self.following = f = np.flatnonzero(((lag > 0) | np.isfinite(speed)).any(axis=(1, 2)))
         self.late = "goal_delay.delay" in used
-        self.follows = not used.isdisjoint(("goal_lag.time_constant", "goal_speed_limit.speed"))
         self.first, n, C = motion.before.shape
         self.goal = motion.goal
-        if self.late or self.follows:  # the goals before a stretch act in it
+        if self.late or len(f):  # the goals before a stretch act in it
             self.goal = np.concatenate((motion.before, motion.goal))
         else:
             self.first = 0
@@ -168,12 +172,13 @@ class _Goals:
         delay = p["goal_delay.delay"] / motion.step  # (V, n, C) samples
         self.whole = np.floor(delay).astype(int)
         self.part = delay - self.whole
-        self.share = 1.0 - np.exp(-0.5 * dt / np.maximum(p["goal_lag.time_constant"], 1e-9)) + full
-        self.reach = p["goal_speed_limit.speed"] * (0.5 * dt) + full
-        self.ahead, self.now, self.way = np.empty_like(full), full, np.empty_like(full)
-        self.within = False
-        np.copyto(self.ahead, self.goal[0])
-        for i in range(-self.first, 0) if self.follows else ():
+        self.share = (1.0 - np.exp(-0.5 * dt / np.maximum(lag, 1e-9)) + full)[f]
+        self.reach = (speed * (0.5 * dt) + full)[f]
+        self.back, self.limited = -self.reach, bool(np.isfinite(self.reach).any())
+        self.seen, self.now, self.within = full.copy(), full, False
+        self.ahead, self.aim = (np.broadcast_to(self.goal[0], self.share.shape).copy() for _ in range(2))
+        self.way = np.empty_like(self.ahead)
+        for i in range(-self.first, 0) if len(f) else ():
             self.next(i)
             for _ in range(steps):
                 self.middle()
@@ -186,22 +191,27 @@ class _Goals:
             at, before = np.maximum(i - self.whole, 0), np.maximum(i - self.whole - 1, 0)
             now = self.goal[at, self.rows, self.columns]
             now += self.part * (self.goal[before, self.rows, self.columns] - now)
-        if self.follows and self.within:
-            self.half_a_step()
-        self.now, self.within = now, False
-        if not self.follows:
-            np.copyto(self.ahead, now)
+        np.copyto(self.seen, now)
+        if len(self.following):
+            if self.within:
+                self.half_a_step()
+            np.copyto(self.aim, self.seen[self.following])
+            self.within = False
 
     def middle(self) -> Array:
         """(V, n, C) [rad] in the middle of a step."""
-        for _ in range((1 + self.within) * self.follows):
-            self.half_a_step()
-        self.within = True
-        return self.ahead
+        if len(self.following):
+            for _ in range(1 + self.within):
+                self.half_a_step()
+            self.within = True
+            self.seen[self.following] = self.ahead
+        return self.seen
 
     def half_a_step(self) -> None:
         """Follow the goal through the low-pass, no faster than the limit."""
-        np.subtract(self.now, self.ahead, out=self.way)
-        self.way *= self.share
-        np.clip(self.way, -self.reach, self.reach, out=self.way)
-        self.ahead += self.way
+        way = np.subtract(self.aim, self.ahead, out=self.way)
+        way *= self.share
+        if self.limited:
+            np.minimum(way, self.reach, out=way)
+            np.maximum(way, self.back, out=way)
+        self.ahead += way
