@@ -100,7 +100,7 @@ class ServoProblem(ServoFits):
         return [one for one in others if one != key and one.effect in rivals_of(key.effect)]
 
     def in_place(self, model: ServoModel, owner: int, key: ChosenEffect, other: ChosenEffect) -> Asked:
-        """A servo with one effect in place of another; one of which it is a case is fitted from its motion."""
+        """A servo with one effect in place of another; a case of it is fitted from the same motion."""
         keys, values = with_base(self.own(model.keys, owner) - {key}, other), model.states[owner].values
         if alike := CASES.get((key.effect, other.effect)):
             values = alike(values)
