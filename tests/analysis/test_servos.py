@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexviz
+from flexviz.analysis.acceptance import AcceptanceLimits, judge
 from flexviz.base.errors import InputError
 from flexviz.data.measurements import Drive
 from flexviz.model.servo import ABSENT, NAMES, servo_model, servo_values
@@ -146,3 +147,19 @@ def test_a_model_is_replayed_from_its_goals(hidden: flexviz.Diagnosis, tmp_path:
     assert servo_values(servo_model(measured.robot, servo_values(hidden.model), ())) == pytest.approx(
         np.where(np.arange(len(NAMES))[:, None] < 3, servo_values(hidden.model), ABSENT[:, None])
     )
+
+
+def test_limits_in_rad_are_judged_by_the_free_motion(hidden: flexviz.Diagnosis) -> None:
+    error = hidden.steps[-1].rms_validation[0]  # type: ignore[index]
+    for size, met in ((1.01 * error, True), (0.99 * error, False)):
+        limits = AcceptanceLimits.model_validate({"default": {"held_out_angle": size}})
+        (line,) = judge(hidden.document(), limits, ["hinge"]).lines
+        assert (line.passed, line.unit, line.figure) == (met, "rad", pytest.approx(error))
+    in_torque = AcceptanceLimits.model_validate({"default": {"held_out_torque": 1.0}})
+    (line,) = judge(hidden.document(), in_torque, ["hinge"]).lines
+    assert not line.passed and line.figure is None  # no torque was measured
+
+
+def test_motions_are_not_designed_for_goals(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected measured torques"):
+        flexviz.design(pendulum_set(tmp_path, SERVO, seconds=4.0))

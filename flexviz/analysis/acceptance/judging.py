@@ -11,7 +11,7 @@ from flexviz.analysis.acceptance.limits import AcceptanceLimits
 from flexviz.base.errors import InputError
 from flexviz.base.facts import Fact
 from flexviz.base.statistics import NORMAL_95
-from flexviz.content.records import PERCENT, TORQUE, JointErrors, ParameterEstimate
+from flexviz.content.records import FOLLOWING, PERCENT, TORQUE, JointErrors, ParameterEstimate
 from flexviz.content.results import ResultDocument
 
 
@@ -152,9 +152,12 @@ def _held_out(
     joint: str, errors: JointErrors | None, index: int, limits: AcceptanceLimits
 ) -> Iterator[AcceptanceLine]:
     of = limits.of(joint)
+    percent = PERCENT if errors is None else errors.percent
+    rms, shares = ([], []) if errors is None else (errors.rms, errors.shares)
     kinds = (
-        (of.held_out_percent, PERCENT, [] if errors is None else errors.shares),
-        (of.held_out_torque, TORQUE, [] if errors is None else errors.rms),
+        (of.held_out_percent, percent, shares),
+        (of.held_out_torque, TORQUE, rms if percent == PERCENT else []),
+        (of.held_out_angle, "rad", rms if percent == FOLLOWING else []),
     )
     for limit, unit, values in kinds:
         if limit is None:
@@ -164,16 +167,17 @@ def _held_out(
         remark = None if known else _no_figure("unknown" if errors else "nothing-held-out")
         passed = figure is not None and figure <= limit
         also = None if errors is None or figure is None else _in_other(errors, index, unit)
-        if unit == TORQUE and errors is not None and errors.units:
+        if unit != percent and known and errors is not None and errors.units:
             unit = errors.units[index]
         what = _required("held-out-error")
         yield AcceptanceLine(what, joint, None, figure, limit, unit, passed, remark, also)
 
 
 def _in_other(errors: JointErrors, index: int, unit: str) -> Fact | None:
-    """The error of a joint in Nm where it is judged in per cent, and the other way round."""
+    """The error of a joint in its own unit where it is judged in per cent, and the other way round."""
     own = errors.units[index] if errors.units else TORQUE
-    value, other = (errors.rms[index], own) if unit == PERCENT else (errors.shares[index], PERCENT)
+    percent = errors.percent
+    value, other = (errors.rms[index], own) if unit == percent else (errors.shares[index], percent)
     return Fact("error-also", values={"error": value, "unit": other}) if math.isfinite(value) else None
 
 

@@ -29,13 +29,15 @@ class JointLimits(StrictTable):
 
     Attributes:
         held_out_percent: rms error on the held-out groups in per cent of the joint's torque (its standard
-            deviation over all groups).
+            deviation over all groups), or of how far its goals are ahead.
         held_out_torque: the same error [Nm].
+        held_out_angle: of joints that follow goals, rms error of their free motion [rad].
         interval_percent: parameter → half of its 95 % interval in per cent of its value.
     """
 
     held_out_percent: Positive | None = None
     held_out_torque: Positive | None = None
+    held_out_angle: Positive | None = None
     interval_percent: dict[str, Positive] = Field(default_factory=dict)
 
     def over(self, default: JointLimits) -> JointLimits:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.base.arrays import Array
 from flexviz.base.facts import Fact
 from flexviz.data.measurements import Group, MeasurementSet
 
@@ -23,8 +22,9 @@ class JointRange:
     Attributes:
         low, high: motor angle [rad].
         speed: largest speed [rad/s].
-        torque: largest torque [Nm].
+        torque: largest torque, or by how much its goal was ahead.
         slides: whether it slides: m and N.
+        of: unit of `torque`.
     """
 
     joint: str
@@ -33,11 +33,12 @@ class JointRange:
     speed: float
     torque: float
     slides: bool = False
+    of: str = "Nm"
 
     @property
     def fact(self) -> Fact:
         """The same for a text."""
-        names = ("low", "high", "speed", "torque", "slides")
+        names = ("low", "high", "speed", "torque", "slides", "of")
         values = {name: getattr(self, name) for name in names}
         return Fact("joint-range", joints=(self.joint,), values=values)
 
@@ -90,18 +91,20 @@ def acceptance_scope(measurements: MeasurementSet) -> AcceptanceScope:
         tuple(group.name for group in groups),
         bool(measurements.validation_groups),
         sum(group.duration for group in groups),
-        tuple(_ranges(groups, measurements.joints, measurements.robot.prismatic)),
+        tuple(_ranges(groups, measurements)),
         {group.payload: sum(body.mass for body in group.bodies) for group in groups},
         tuple(map(float, measurements.robot.gravity)),
         (float(degrees.min()), float(degrees.max())) if len(degrees) else (),
     )
 
 
-def _ranges(groups: Sequence[Group], joints: Sequence[str], slides: Array) -> Iterator[JointRange]:
+def _ranges(groups: Sequence[Group], measurements: MeasurementSet) -> Iterator[JointRange]:
+    slides, units = measurements.robot.prismatic, measurements.torque_units
     theta, tau = (np.concatenate([group.joined(name) for group in groups]) for name in ("theta", "tau"))
     fastest = [np.abs(s.mean_speeds).max(axis=0) for group in groups for s in group.segments]
     speed = np.max(fastest, axis=0)
-    for j, joint in enumerate(joints):
+    for j, joint in enumerate(measurements.joints):
         low, high = float(theta[:, j].min()), float(theta[:, j].max())
         most = float(np.abs(tau[:, j]).max())
-        yield JointRange(joint, low, high, float(speed[j]), most, bool(slides[j]))
+        unit = units[j] if units else "Nm"
+        yield JointRange(joint, low, high, float(speed[j]), most, bool(slides[j]), unit)

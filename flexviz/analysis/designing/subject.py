@@ -115,6 +115,9 @@ def subject_of(
         source = read_set(source)
     variants = [(*wanted, one) for one in separate] or [wanted]
     if isinstance(source, MeasurementSet):
+        if source.drive is not None:
+            message = "its joints follow goals, and motions are designed by the torque equation"
+            raise InputError(f"{message}; expected measured torques", file=source.path)
         return _of_set(source, variants, progress, should_stop)
     plan = source if isinstance(source, Plan) else make_plan(source)
     models = tuple(inject(plan, variant).model for variant in variants)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexviz.base.facts import Fact
 from flexviz.base.spelling import listed, number, plural
 from flexviz.base.units import joint_unit
-from flexviz.content.records import PERCENT
+from flexviz.content.records import FOLLOWING, PERCENT
 from flexviz.content.wording.facts import says
 from flexviz.content.wording.numbers import plain_name, quantity
 
@@ -75,7 +75,7 @@ def limit(fact: Fact) -> str:
 def error_also(fact: Fact) -> str:
     """An error in its other unit."""
     error, unit = fact.values["error"], fact.values["unit"]
-    return f"{number(error, 3)} {PERCENT}" if unit == PERCENT else quantity(error, unit)
+    return f"{number(error, 3)} {unit}" if unit in (PERCENT, FOLLOWING) else quantity(error, unit)
 
 
 @says("no-figure")
@@ -94,10 +94,11 @@ def not_proved(fact: Fact) -> str:
 def joint_range(fact: Fact) -> str:
     """ "joint1: -1.20 … 1.30 rad, up to 2.10 rad/s and 40.0 Nm"."""
     values = fact.values
-    unit, of_torque = (joint_unit(one, values.get("slides", False)) for one in ("rad", "Nm"))
+    unit = joint_unit("rad", values.get("slides", False))
     way = f"{number(values['low'], 3)} … {number(values['high'], 3)} {unit}"
-    fastest, most = number(values["speed"], 3), quantity(values["torque"], of_torque)
-    return f"{fact.joints[0]}: {way}, up to {fastest} {unit}/s and {most}"
+    fastest, most = number(values["speed"], 3), quantity(values["torque"], values["of"])
+    ahead = ", its goal ahead by up to" if values["of"] == unit else " and"
+    return f"{fact.joints[0]}: {way}, up to {fastest} {unit}/s{ahead} {most}"
 
 
 @says("acceptance-scope")
