@@ -3,7 +3,8 @@
     python -m benchmarks.servos [--sets 60] [--seed 1] [--json FILE]
 
 One joint, a planar arm and the SO-101 (where ../shared is beside the project); 0 to 3 hidden effects on
-random joints, or on none; with and without a mass that gives torques a scale.
+random joints, or on none, each of which changes the motion by more than an encoder's count; with and without
+a mass that gives torques a scale.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from tests.independent.servo_simulator import PENDULUM, STEP, Servo, random_goals, simulated
+from tests.independent.servo_simulator import COUNT, PENDULUM, STEP, Servo, random_goals, simulated
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
 EFFECTS = (
@@ -87,6 +88,7 @@ def run(robot: str, seed: int, folder: Path) -> Case:
     for j, servo in enumerate(servos):
         own = {e: size_of(e, float(torque[j]), float(speed[j]), rng) for e, k in chosen if k == j}
         truth.append(Servo(servo.gain, servo.armature, servo.viscous, own))
+    chosen = [one for one in chosen if shows(one, truth, urdf, joints, motions["g0"], every)]
     runs = {}
     for name, goals in motions.items():
         found = simulated(urdf, joints, truth, goals, 15.0, every)
@@ -104,6 +106,29 @@ def run(robot: str, seed: int, folder: Path) -> Case:
         robot, seed, hidden, named, result.verdict, result.steps[-1].verdict, inside, sure,
         time.process_time() - began, gain,
     )  # fmt: skip
+
+
+def shows(
+    one: tuple[str, int],
+    truth: list[Servo],
+    urdf: Path,
+    joints: Sequence[str],
+    goals: Callable[[float], np.ndarray],
+    every: float,
+) -> bool:
+    """Whether an effect changes its joint's motion by more than a count; one that does not is taken away.
+
+    As load-dependent friction of a joint that carries nothing.
+    """
+    effect, j = one
+    with_it = simulated(urdf, joints, truth, goals, 6.0, every)["theta"][:, j]
+    own = {e: size for e, size in truth[j].effects.items() if e != effect}
+    servo = Servo(truth[j].gain, truth[j].armature, truth[j].viscous, own)
+    without = simulated(urdf, joints, [*truth[:j], servo, *truth[j + 1 :]], goals, 6.0, every)["theta"][:, j]
+    if np.std(with_it - without) > COUNT:
+        return True
+    truth[j] = servo
+    return False
 
 
 def one_of(finding, hidden) -> str:
