@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexviz.model.servo import INDEX, DrivenMotion, absent, free_motion
+from flexviz.model.servo import CASES, INDEX, DrivenMotion, absent, free_motion
 
 STEP, COUNT = 0.01, 400
 
@@ -136,3 +136,27 @@ def test_goals_before_a_stretch_act_in_it() -> None:
     tail = TIME > 1.0
     assert with_lag[tail] == pytest.approx(steady[tail] - 0.5 * STEP * slope, abs=2e-3)
     assert with_lag[:50] == pytest.approx(delayed[:50], abs=3e-3)
+
+
+def test_driving_friction_is_load_dependent_friction_of_another_scale() -> None:
+    """(1 + m) and (1 − l) times a load are 1 + c and 1 − c times it, by one factor of all torques."""
+    given = replace(motion(0.5 * np.sin(3 * TIME), load=2.0), own=np.zeros((COUNT, 1, 1)))
+    values = absent(1)
+    sizes = {
+        "gain": 30.0,
+        "motor_inertia": 0.05,
+        "motor_viscous_friction": 0.8,
+        "coulomb_friction.coulomb": 0.1,
+    }
+    sizes |= {"driving_friction.motor_driving": 1.1, "driving_friction.load_driving": 0.1}
+    for name, size in sizes.items():
+        values[INDEX[name]] = size
+    (alike,) = CASES.values()
+    # without inertia of the links, all that is not scaled is the load: it acts as (1 + m) / 1.5 of the other
+    assert alike(values)[INDEX["load_dependent_friction.coefficient"], 0] == pytest.approx(0.4)
+    assert alike(values)[INDEX["gain"], 0] == pytest.approx(20.0)
+    other = alike(values)
+    for way in ("motor", "load"):
+        other[INDEX[f"driving_friction.{way}_driving"]] = 0.0
+    first, second = (free_motion(given, x[:, None], 0.05)[0] for x in (values, other))
+    assert np.ptp(first) > 0.5 and second == pytest.approx(first, abs=2e-3)
