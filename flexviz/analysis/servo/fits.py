@@ -35,6 +35,7 @@ from flexviz.model.servo import (
     of_effect,
 )  # fmt: skip
 
+STIFFER = 3.0  # times the gain, where a limit is tried
 REFINED = 15  # steps of a fit, at most
 EVIDENCE = THRESHOLDS.evidence
 
@@ -170,6 +171,8 @@ class ServoFits:
                 joints, tried = self.joints(key, k), PARAMETERS[k].tried
                 if np.any(values[k, joints] != ABSENT[k]):
                     continue
+                if stiffer := PARAMETERS[k].stiffer:  # what saturates was taken for a soft servo
+                    out[INDEX["gain"], joints] *= STIFFER if which >= stiffer else 1.0
                 out[k, joints] = self.first(k, joints, values, tried[which % len(tried)])
         return out
 

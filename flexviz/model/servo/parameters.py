@@ -26,6 +26,7 @@ class ServoParameter:
         spread: standard deviation of what is likely, in units of what is fitted.
         shared: joints with the same servo have the same.
         torque: `tried` and `spread` are in units of the torque that the joint usually has.
+        stiffer: from this one of `tried` on, with a gain some times as large.
     """
 
     name: str
@@ -35,6 +36,7 @@ class ServoParameter:
     spread: float
     shared: bool = True
     torque: bool = False
+    stiffer: int = 0
 
 
 WIDE = float(np.log(10.0))  # nobody knows more than the order of magnitude
@@ -53,7 +55,7 @@ PARAMETERS = (
     ServoParameter("quadratic_friction.quadratic", "size", 0.0, (0.03, 0.3), FREE, torque=True),
     ServoParameter("torque_offset.offset", "free", 0.0, (-0.005, 0.005), DEGREE, False),  # [rad] times kp
     ServoParameter("cable_spring.stiffness", "free", 0.0, (-0.2, 0.2), FREE, False, torque=True),
-    ServoParameter("torque_limit.limit", "log", np.inf, (0.5, 0.8, 0.95), WIDE),
+    ServoParameter("torque_limit.limit", "log", np.inf, (0.5, 0.8, 0.95, 0.5, 0.8, 0.95), WIDE, stiffer=3),
     ServoParameter("goal_delay.delay", "size", 0.0, (0.01, 0.02, 0.04), 0.03),
     ServoParameter("dead_band.half_width", "size", 0.0, (0.002, 0.005, 0.01), 0.01),
     ServoParameter("goal_lag.time_constant", "size", 0.0, (0.01, 0.03, 0.06), 0.03),
