@@ -102,14 +102,15 @@ def _compared(
     (count, n), data = q.shape, model.createData()
     states = list(zip(*map(robot.to_pin, (q, v, a)), strict=True))
     columns = (10 * robot.order[:, None] + np.arange(10)).ravel()
-    regressor = np.array([pin.computeJointTorqueRegressor(model, data, *state) for state in states])
+    rows = [pin.computeJointTorqueRegressor(model, data, *state) for state in states]
+    regressor = np.array(rows).reshape(count, n, -1)  # of one joint Pinocchio gives a vector
     regressor = regressor[:, robot.order][:, :, columns]
     # typical inertia that a joint moves, of the CAD model [kg m²]
     moved = robot.from_pin(np.mean([np.diag(pin.crba(model, data, pose)) for pose, _, _ in states], axis=0))
     speed = np.sqrt(np.mean(v**2, axis=0)) + 1e-12
     used = [j for j, joint in enumerate(measurements.joints) if joint not in measurements.no_torque]
-    rows = [_rows(j, n, regressor[:, j], v[:, j] / speed[j], a[:, j], torque[:, j]) for j in used]
-    found = _decided(rows, count, LEAST_MOTOR * moved, recorded.std(axis=0))
+    parts = [_rows(j, n, regressor[:, j], v[:, j] / speed[j], a[:, j], torque[:, j]) for j in used]
+    found = _decided(parts, count, LEAST_MOTOR * moved, recorded.std(axis=0))
     return TorqueEvidence(found.gain, float(np.median(found.dry[used])))
 
 

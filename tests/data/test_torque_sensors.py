@@ -18,6 +18,8 @@ from flexviz.model.equation import Layout, layout_of
 from flexviz.model.simulation.presets import PRESETS
 from flexviz.model.simulation.sets import move, record, write_plan
 from flexviz.outlets.exporting import export
+from flexviz.robot.robot import Robot
+from tests.independent.servo_simulator import PENDULUM
 from tests.planar_arm import HELD_OUT, of_groups
 
 SAID = "joint torque sensors, behind the gears"
@@ -79,3 +81,18 @@ def test_layout_without_motors_keeps_the_link_side() -> None:
     assert not model.motor_inertia.any()
     assert not model.motor_viscous_friction.any()
     np.testing.assert_allclose(layout.vector(model), x)
+
+
+def test_of_a_single_joint(tmp_path: Path) -> None:
+    urdf = tmp_path / "pendulum.urdf"
+    urdf.write_text(PENDULUM.format(mass=0.6, i=2e-4, axis="0 1 0"))
+    time, speed = np.arange(0.0, 20.0, 0.005), np.array([2.0, 5.3, 9.1])
+    phase = np.outer(time, speed)
+    waves = np.sin(phase), speed * np.cos(phase), -(speed**2) * np.sin(phase)
+    q, v, a = (wave.mean(axis=1)[:, None] for wave in waves)
+    tau = Robot.load(str(urdf)).cad_torques((), q, v, a) + 0.02 * a + 0.1 * v
+    noise = 1e-3 * np.random.default_rng(0).normal(size=q.shape)
+    made = {"a": {"time": time, "theta": q, "tau": tau + noise}}
+    assert not behind_gear(
+        MeasurementSet.from_arrays(urdf, made)
+    )  # nothing separates the inertias of one joint
