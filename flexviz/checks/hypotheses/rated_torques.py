@@ -9,6 +9,7 @@ import numpy as np
 
 from flexviz.checks.faults import Case, Fault, hypothesis
 from flexviz.checks.hypotheses.torque_units import resized
+from flexviz.checks.joint_fit import SMALLEST_SCALE
 from flexviz.checks.thresholds import LIMITS
 
 # of the rated torque: drives bear several times as much for a while, and a motion takes some of it
@@ -27,7 +28,8 @@ def rated_torques(case: Case) -> Iterator[Fault]:
     largest = np.max(np.abs(np.concatenate(case.comparison.torque)), axis=0)
     free = replace(now, free=np.ones(len(names), bool))
     slopes = np.array([fit.slope for fit in case.comparison.fits(free)])
-    if np.std(np.log(slopes)) < LIMITS.mass_spread:
+    # a torque of which nothing is the masses' has no size; one size for all is a unit
+    if np.any(slopes <= SMALLEST_SCALE) or np.std(np.log(slopes)) < LIMITS.mass_spread:
         return
     for share, parts in (("per cent", 100.0), ("per mille", 1000.0)):
         if not np.all(largest < OVERLOAD * parts) or np.all(largest < FRACTION * parts):
